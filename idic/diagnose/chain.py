@@ -115,7 +115,7 @@ def compared_with(identified: Identified, setting: Setting) -> State:
                            f"the values of result.json, and diagnose again ({null.problem})")
     first = FittedModel(source, null, identified.residual)
     return State(setting, identification, first, first, identified.mismatch,
-                 small_errors=tuple((identified.neglected or {}).values()))
+                 small_errors=identified.neglected or {})
 
 
 def _active(state: State) -> Activity | None:

@@ -35,8 +35,7 @@ from idic.identification.loop import start
 from idic.identification.step.schedule import first_free
 from idic.identification.step.state import Evaluation, LoopState
 from idic.model import (
-    Experiment, ForwardModel, Model, Parametrised, Stage, TemperatureField, build_forward, selected_frames,
-    tried_increments,
+    Experiment, ForwardModel, Model, Parametrised, Stage, build_forward, selected_frames, tried_increments,
 )
 from idic.parameters import ParameterSet
 
@@ -124,7 +123,7 @@ def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) 
         experiment = replace(experiment, options=replace(experiment.options, substeps=1))
     experiment, u_px = selected_frames(experiment, frames), u_px[frames]
     if simplified and (coarse := coarse_mesh(experiment.model)) is not None:
-        experiment, u_px = on_coarse_mesh(experiment, coarse), u_px[:, coarse.nodes]
+        experiment, u_px = experiment.on_coarse_mesh(coarse), u_px[:, coarse.nodes]
     u_px[[experiment.model.reference, *experiment.recording.excluded]] = np.nan
     forward = replace(build_forward(experiment), control=FAST_FAILURE)
     moving = tuple(name for name in experiment.model.parameters.free if forward.moves(name))
@@ -145,14 +144,6 @@ def coarse_mesh(model: Model) -> Coarse | None:
     cracks between them are parameters."""
     shaped = model.morphs or model.cracks or any(isinstance(entry.drive, Parametrised) for entry in model.prescribed)
     return None if shaped else Coarse.of(model.mesh, COARSE_ELEMENTS)
-
-
-def on_coarse_mesh(experiment: Experiment, coarse: Coarse) -> Experiment:
-    """The experiment on a mesh whose nodes are a subset of the present ones."""
-    temperatures = tuple(
-        replace(entry, drive=replace(entry.drive, values=entry.drive.values[:, coarse.nodes]))
-        if isinstance(entry.drive, TemperatureField) else entry for entry in experiment.model.temperatures)
-    return replace(experiment, model=replace(experiment.model, mesh=coarse.mesh, temperatures=temperatures))
 
 
 def coarse_frames(model: Model) -> list[int]:

@@ -48,6 +48,8 @@ WITHOUT_STD = {"correlation": {"names": [], "matrix": []}, "derived": {}}  # of 
 MIN_IMITATED_CORRELATION = 0.95  # of an undetermined parameter with its partners; below, the noise hides its effect
 MESH_COUNTED = ("the error by the mesh was estimated by a simulation on a finer one; std counts it (mesh_bias, a part "
                 "of std_model)")
+MESH_SIZE_COUNTED = ("the size of the error by the mesh was estimated by a simulation on a coarser one, as a finer one "
+                     "is too large; std counts it (mesh_bias, with an uncertain sign, a part of std_model)")
 MESH_CONTRADICTED = ("a simulation on a finer mesh leaves a residual that the recording does not show: std does not "
                      "count the error by the mesh")
 MESH_NOT_COUNTED = "std does not count the error by the mesh; idic systematic estimates it (discretisation_bias)"
@@ -111,8 +113,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
             result["notes"] += channel_noise_notes(model, analysis.channels)
         if not state.failed and model.solver is None and (model.mesh.is_raised_by_default or (
                 model.n_dim == 3 and (model.mesh.can_raise_order or model.mesh.can_halve))):
-            result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_CONTRADICTED
-                                   if analysis.mesh_contradicted else MESH_NOT_COUNTED)
+            result["notes"].append(_mesh_note(analysis))
     for p in parameters.values():
         entry = _parameter_entry(p, model.parameters, analysis, state.failed)
         bias = time_bias(model, state.increments).get(p.name)
@@ -125,6 +126,16 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
         result["notes"] += [*strain_notes(analysis, result["parameters"]), *shift_notes(experiment, parameters,
                                                                                         result["parameters"])]
     return result
+
+
+def _mesh_note(analysis: Analysis) -> str:
+    """Whether the error by the mesh of a solid, or of linear elements, is counted."""
+    if analysis.mesh_contradicted:
+        return MESH_CONTRADICTED
+    if analysis.mesh_bias is None:
+        return MESH_NOT_COUNTED
+    size_only = not isinstance(analysis.discrepancy, str) and analysis.discrepancy.mesh_size_only
+    return MESH_SIZE_COUNTED if size_only else MESH_COUNTED
 
 
 def record_notes(experiment: Experiment, parameters: ParameterSet) -> list[str]:

@@ -14,7 +14,7 @@ from idic.identification import (
     perturbations,
 )
 from idic.model import Experiment, Stage
-from idic.run.prepared.context import correlation_context
+from idic.run.prepared.context import correlation_context, release_voxels
 from idic.run.prepared.prepare import write_description
 from idic.run.prepared.session import Session, Timing
 from idic.run.prepared.tasks import CorrelationJob, SimulationJob, SimulationReport, correlate, simulate
@@ -62,6 +62,7 @@ class PartPoints:
         weights = context.weights.as_generalised() if trial.generalised else context.weights
         shared = correlation_context(context, context.experiment.model.parameters.with_values(trial.trial.values),
                                      weights)
+        release_voxels(context)  # the workers make the passes
         increments = len(read_array(context.store.group(group_name(trial.evaluations, BASE)), "steps"))
         with open_spool(context.store.run) as spool:
             system = sum_system(session, trial, weights, stage, spool)

@@ -24,6 +24,7 @@ import numpy as np
 
 from idic.fe import Body
 from idic.model import Experiment, ForwardModel, Model, MotionError, build_forward
+from idic.simulation_error.coarsening import Coarsened, coarsened
 from idic.simulation_error.comparison import (
     ErrorInFrames, ModelPoint, BetterModel, error_in_every_frame, error_in_frames,
 )
@@ -60,14 +61,15 @@ def mesh_error(point: ModelPoint) -> MotionError | None:
 
 
 def mesh_error_in(point: ModelPoint, frames: np.ndarray, motions: Sequence[np.ndarray]) -> ErrorInFrames | None:
-    """The same in some frames.
+    """The same in some frames; of a solid too large for a finer mesh from its change by a coarser one.
 
     frames : the reference and later ones; motions : (n_nodes, dim) mm of each of them: first guesses
     """
-    if not can_be_refined(point.experiment.model):
-        return None
-    finer = refined(point.experiment, raise_bricks=True)
-    return error_in_frames(point, _on_finer_mesh(point, finer), frames, motions)  # carried guesses cost more: they fold
+    if can_be_refined(point.experiment.model):
+        finer = refined(point.experiment, raise_bricks=True)
+        return error_in_frames(point, _on_finer_mesh(point, finer), frames, motions)  # carried guesses: they fold
+    coarser = coarsened(point.experiment)
+    return None if coarser is None else _change_by_coarser_mesh(point, coarser, frames, motions)
 
 
 def brick_mesh_error(point: ModelPoint) -> MotionError | None:
@@ -129,6 +131,16 @@ def _on_finer_mesh(point: ModelPoint, finer: Refined) -> BetterModel:
     difference = finer.difference()
     return BetterModel(finer.experiment, finer.carried_local(point.local),
                        lambda state, better: difference(state.u, better.u))
+
+
+def _change_by_coarser_mesh(point: ModelPoint, coarser: Coarsened, frames: np.ndarray,
+                            motions: Sequence[np.ndarray]) -> ErrorInFrames | None:
+    carry = coarser.carry()
+    on_coarser = BetterModel(coarser.experiment, coarser.carried_local(point.local),
+                             lambda state, coarse: carry @ coarse.u - state.u)
+    change = error_in_frames(point, on_coarser, frames, motions)
+    return None if change is None else replace(change, u=-coarser.error_share * change.u,
+                                               channels=-coarser.error_share * change.channels)
 
 
 def _of_elastic_bricks(point: ModelPoint, elastic: Experiment) -> MotionError | None:

@@ -48,7 +48,7 @@ class Refined:
         fine = np.stack([(self.carry @ nodal[:, :, i].T).T for i in range(dim)], axis=2).reshape(len(local), -1)
         carried = np.zeros((len(local), finer.n_local))
         carried[:, np.flatnonzero(~finer.measured)] = local[:, np.flatnonzero(~coarse.measured)]
-        for column, dof in _measured_dofs(finer).items():
+        for column, dof in measured_dofs(finer).items():
             carried[:, column] = fine[:, dof]
         return carried
 
@@ -124,7 +124,7 @@ def projection(mesh: Mesh, carry: sparse.csr_array) -> Callable[[np.ndarray], np
     return lambda field: solve(weighed @ (at_points @ field))
 
 
-def _measured_dofs(drives: DriveTable) -> dict[int, int]:
+def measured_dofs(drives: DriveTable) -> dict[int, int]:
     """Column of the frame-local unknowns -> degree of freedom of the measured edge that it alone moves."""
     by_one_drive = (drives.basis != 0.0).sum(axis=1) == 1
     return {column: int(drives.dofs[np.flatnonzero(by_one_drive & (drives.basis[:, drive] != 0.0))[0]])

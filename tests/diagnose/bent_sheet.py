@@ -22,7 +22,7 @@ FINE, USER = (8, 8, 6), (3, 4, 3)
 AXIS = ((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2)
 LENS = PinholeCamera(DISTANCE / PIXEL, DISTANCE / PIXEL, *AXIS, rotation=Rig.FROM_ABOVE,
                      translation_mm=[0.012, -0.006, DISTANCE])
-LOAD, LATE = GRIP / GRIP.max(), np.maximum(TIMES - 7.0, 0.0) / (TIMES[-1] - 7.0)  # courses of the bulge
+LOAD = GRIP / GRIP.max()  # course of the bulge
 DECK = """*MATERIAL, NAME=BODY
 *ELASTIC
 {E}, {nu}

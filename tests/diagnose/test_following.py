@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from side_twins import Side, write_folder
 
-from idic.diagnose.discretisation.following import following, moved, share_of_step
+from idic.diagnose.discretisation.following import following, moved, share_of_step, shortened
 from idic.diagnose.discretisation.weight import weighed
 from idic.diagnose import identification_at, residual_evidence
+from idic.diagnose.refits.refit import Start, refit
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.model import MotionError
@@ -59,3 +60,11 @@ def test_a_step_that_would_carry_a_modulus_to_zero_is_shortened_as_a_whole(found
     assert there[name].value == pytest.approx(0.5 * values[name])
     assert share_of_step(found.parameters, {name: 0.1 * values[name]}) == 1.0
     assert share_of_step(found.parameters, {name: 0.0}) == share_of_step(found.parameters, {}) == 1.0
+
+
+def test_a_refit_begins_within_the_range_of_its_parameters(found):
+    """The rate of a creep law that imitates yielding began beyond zero, at the logarithm of zero, and stayed there."""
+    name, values = found.parameters.free[0], found.parameters.as_values()
+    assert shortened(found.parameters, {name: -2.0 * values[name]}) == pytest.approx({name: -0.5 * values[name]})
+    there = refit("null", [Start("gone", found.experiment, values | {name: 0.0})], {}, found.local, None)
+    assert not there.usable and f"{name} would begin at zero" in there.problem

@@ -71,6 +71,21 @@ def test_rounding_of_the_scores_does_not_draw_other_noise():
     assert p_values[0].p_familywise == pytest.approx(n * stats.norm.sf(p_values[0].statistic), rel=0.4)
 
 
+def test_of_many_scans_those_stay_that_explain_something():
+    """Each has a knot of its own: all sets of twenty would be a million."""
+    n, shown = 20, [3, 4, 11]
+    U = np.where(np.isin(np.arange(n), shown), 12.0, 0.5)
+    scans = replace(scored(3)[1], names=tuple(map(str, range(n))), U=U, gross=np.eye(n), information=np.eye(n))
+    assert fewest_knots(scans, range(n)) == shown == fewest_knots(scans, range(8)) + [11]
+
+
+def test_a_knot_that_is_left_out_is_locked_once():
+    knots = tuple(f"scanner.magnification_knot[{k}]" for k in (2, 3))
+    variant = Variant("scans", {"dof": [{"name": name} for name in knots]}, knots, {}, {}, free_course=True)
+    assert with_knots(variant, knots[:1]).edits["dof"] == [
+        {"name": knots[0]}, {"name": knots[1], "value": 0.0, "identify": False}]
+
+
 def test_of_two_courses_that_explain_as_much_the_one_with_fewer_knots_is_taken():
     """The last two knots together imitate a parameter: with all three free, the course is open."""
     columns, scores = scored(3)

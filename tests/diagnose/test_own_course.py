@@ -16,9 +16,11 @@ from idic.diagnose.screen.courses import Course, courses_of
 from idic.diagnose.screen.free_courses import free_edits
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.selection.move import moved
-from idic.diagnose.selection.moves.own_course import MIN_IMITATED_SHARE, OWN_COURSE, has_own_course, with_imitated
+from idic.diagnose.selection.moves.own_course import (
+    EARLIER_COURSE, MIN_IMITATED_SHARE, OWN_COURSE, has_own_course, with_imitated,
+)
 from idic.diagnose.selection.rival import leaves_something
-from idic.diagnose.selection.state import Setting, State
+from idic.diagnose.selection.state import Setting, State, improvable
 from idic.experiment_file import read_toml
 from idic.model import KNOTS, nodal_temperature
 
@@ -161,6 +163,38 @@ def test_a_warmth_that_gets_its_own_course_begins_with_the_strain_it_had(tmp_pat
     assert strain == pytest.approx(2e-4 * started.model.times / 3.0)
     assert parameters["SPECIMEN.E"].value == values["SPECIMEN.E"]
     assert started.model.parameters.own_of({ALPHA: 2e-4, "SPECIMEN.E": 1.0, "elsewhere": 2.0}) == {"SPECIMEN.E": 1.0}
+
+
+def warm_round(tmp_path, left):
+    """A warmth under a ramp that leaves 10 of chi-square in 300, its knots among the trials, and a refit with these."""
+    source = SmallTest(write_experiment(tmp_path / "test"))
+    plain, edits = warming(read_toml(source.folder / "experiment.toml"), [[0.0, 0.0], [3.0, 1.0]])
+    knots = tuple(name for name in source.load(edits).model.parameters.free if name.startswith("temperature_knot"))
+    free = Variant("temperature", edits, knots, dict.fromkeys(knots, 0.0), dict.fromkeys(knots, 0.0), free_course=True)
+    one, values = replace(ranked("thermal_expansion"), variant=plain), source.load(plain.edits).model.parameters
+    fitted = replace(refit(("thermal_expansion",), 60.0), label=plain.label, values=values.as_values())
+    cause = Rival(one, fitted, 240.0, 240.0, 240.0, practical=ANY_SIZE)
+    seen = replace(screening(("thermal_expansion",)), trials=(ScoreColumn(one.candidate, plain, plain.label),
+                                                              ScoreColumn(one.candidate, free, free.label)))
+    own = replace(fitted, stds=dict.fromkeys(knots, 0.1), choice=fit(left), judgement=fit(left))
+    return Round(seen, refit((), 300.0), (cause,), cause, source=source), lambda jobs: [own for _ in jobs]
+
+
+@pytest.mark.parametrize("left, is_alone", [(12.0, True), (35.0, False), (55.0, False)])
+def test_a_further_cause_gives_way_to_the_course_of_the_last_one_that_explains_as_much(tmp_path, left, is_alone):
+    """A sheet that bulges late was told as two shapes, with time each."""
+    entry, refits = warm_round(tmp_path, left)
+    further = Rival(ranked("grip_slip"), refit(("grip_slip", "thermal_expansion"), 10.0), 50.0, 50.0, 50.0,
+                    practical=ANY_SIZE)
+    later = Round(entry.screening, entry.winner.refitted, (further,), further, source=entry.source)
+    model = FittedModel(entry.source, entry.winner.refitted)
+    state = State(Setting(refits, None, None, 1), None, model, model, rounds=(entry,), number=2, round=later)
+    selected = improvable(state)
+    assert EARLIER_COURSE.applies(selected)
+    tried = EARLIER_COURSE.edit(selected)
+    assert EARLIER_COURSE.accept(selected, tried) is is_alone
+    assert not tried.rounds and has_own_course(tried.winner) and tried.round.plain is entry.winner
+    assert tried.model.fit is entry.null and tried.is_open
 
 
 def test_the_free_warmth_of_one_material_is_not_that_of_another():

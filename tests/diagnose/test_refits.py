@@ -41,13 +41,13 @@ from idic.run.diagnosis.refits import RefitStore, job_hash
 from idic.run.diagnosis.source import Source
 
 
-def candidate(name, limits=()):
-    return Candidate(name, "plasticity", name, "none", {}, (), lambda situation: (), limits)
+def candidate(name, limits=(), family="elastic_form"):
+    return Candidate(name, family, name, "none", {}, (), lambda situation: (), limits)
 
 
-def ranked(variant, amplitude=1.0, gain=100.0, bias=None, name="one", limits=()):
-    return Ranked(candidate(name, limits), 0, variant, variant.label, 10.0, 1e-9, amplitude, 0.1, 0.5, gain, 0.1, 0.1,
-                  bias or {}, "significant")
+def ranked(variant, amplitude=1.0, gain=100.0, bias=None, name="one", limits=(), family="elastic_form"):
+    return Ranked(candidate(name, limits, family), 0, variant, variant.label, 10.0, 1e-9, amplitude, 0.1, 0.5, gain,
+                  0.1, 0.1, bias or {}, "significant")
 
 
 STIFF = Variant("spot", {}, ("s",), {"s": 1.0}, {"s": 0.8})
@@ -316,6 +316,14 @@ def test_a_candidate_that_promises_nearly_as_much_is_refitted_though_five_others
     everything = asked_for(first, [sixth, seventh], 1e5, 2e4)
     assert everything[5:] == ["sixth", "seventh"]
     assert asked_for(first, [replace(sixth, gain=0.4e5)], 1e5, 2e4)[5:] == []
+
+
+def test_what_yields_is_refitted_whatever_first_order_promises_of_it():
+    """A solid that yields, identified as elastic, was told as creep: that explained all, and plasticity promised less.
+    """
+    first = [ranked(YIELD, gain=1e5 - k, name=f"candidate {k}") for k in range(2)]
+    rest = [ranked(YIELD, gain=0.4e5, name=name, family=name) for name in ("elastic_form", "plasticity", "camera")]
+    assert asked_for(first, rest, 1e5, 100.0) == [*(r.candidate.name for r in first), "plasticity"]
 
 
 def test_a_lucky_refit_of_a_faint_cause_keeps_no_rival_from_its_own():

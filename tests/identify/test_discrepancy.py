@@ -203,6 +203,25 @@ def test_an_error_of_the_mesh_that_the_recording_contradicts_is_not_counted(size
             np.testing.assert_allclose(added, np.outer(beta, beta) if counts else 0.0, atol=1e-12)
 
 
+def test_an_error_of_the_mesh_known_in_size_alone_counts_whatever_its_sign():
+    """The recording holds the opposite of what is told, which it would contradict otherwise."""
+    rng = np.random.default_rng(8)
+    inside = []
+    for _ in range(20):
+        J = rng.standard_normal((ROWS, N + Q))
+        mesh, M = 0.5 * J @ rng.standard_normal(N + Q) + 0.5 * rng.standard_normal(ROWS), J.T @ J
+        data, P = rng.standard_normal(ROWS) - mesh, np.linalg.inv(M[:N, :N])
+        error, beta = P @ (J.T @ data)[:N], P @ (J.T @ mesh)[:N]
+        told = DiscrepancySystem(("a", "b", "c"), M, J.T @ data - M[:, :N] @ error, M,
+                                 (Component("motion", np.eye(Q)),), {"motion": 1.0}, None, J.T @ mesh)
+        assert not estimate(told, P, np.ones(N), told.b[:N]).mesh
+        variances = estimate(replace(told, mesh_size_only=True), P, np.ones(N), told.b[:N])
+        added = P @ variances.covariance @ P
+        assert variances.mesh and np.all(np.diagonal(added) >= beta**2)
+        inside.append(np.abs(error) < 1.96 * np.sqrt(np.diagonal(P + added)))
+    assert np.mean(inside) > 0.9  # 60 intervals
+
+
 def test_noise_alone_is_rarely_taken_for_a_discrepancy():
     rng = np.random.default_rng(2)
     alarms = 0

@@ -62,6 +62,9 @@ BODIES = {
                             "angle": 20.0}, kinematics="finite", **o),
     "j2_kinematic": lambda **o: experiment(
         "j2_kinematic", STEEL | {"hardening_modulus": 30.0, "C": 60.0, "gamma": 20.0}, kinematics="finite", **o),
+    "j2_chaboche": lambda **o: experiment(
+        "j2_chaboche", STEEL | {"Q": -2.0, "b": 30.0, "hardening_modulus": 30.0, "C": 80.0, "gamma": 20.0},
+        kinematics="finite", **o),
     "viscoplastic": lambda **o: experiment(
         "viscoplastic", STEEL | {"hardening_modulus": 60.0, "eta": 50.0, "m": 2.0}, kinematics="finite", **o),
     "maxwell": lambda **o: experiment(
@@ -106,7 +109,8 @@ BODIES = {
 # What the images say follows from the displacements, whatever the law: these are repeats where (a) holds.
 LIKE_OTHERS = ("elastic, finite strain", "orthotropic", "laminate", "j2_plateau",
                "j2_voce", "j2_power", "j2_power_reference", "mooney_rivlin",
-               "free_rubber", "free_relaxation", "j2_swift", "j2_hill", "j2_kinematic", "viscoplastic", "maxwell",
+               "free_rubber", "free_relaxation", "j2_swift", "j2_hill", "j2_kinematic", "j2_chaboche",
+               "viscoplastic", "maxwell",
                "creep",
                "elastic_damage", "nonlinear_elastic", "j2_pressure",
                "elastoplastic", "elastoplastic, back stress", "egp", "heterogeneous", "thickness and time")

@@ -55,6 +55,21 @@ def test_stable_cycles_have_the_amplitude_of_Armstrong_and_Frederick():
     np.testing.assert_allclose(np.abs(turns[-2:]), expected, rtol=1e-2)  # finite strain 1 % and steps of 5e-5
 
 
+@pytest.mark.parametrize("Q", [-60.0, 60.0], ids=["softening", "hardening"])
+def test_under_cycles_the_elastic_range_goes_to_its_last_size(Q):
+    """Half of it, between a turn and the first yield on the way back, is 200 + Q (1 - exp(-b p)); Chaboche (1986)."""
+    corners = [0.0, *(0.01 * (-1) ** k for k in range(7))]
+    strain = np.concatenate([[0.0], *(np.linspace(a, b, 201)[1:] for a, b in zip(corners[:-1], corners[1:],
+                                                                                 strict=True))])
+    curve = point.uniaxial(compile("j2_chaboche"), [70e3, 0.3, 200.0, Q, 30.0, 0.0, 10e3, 100.0], strain)
+    stress, p = curve.P[:, 0, 0] * curve.F[:, 0, 0], curve.state[:, 6]
+    for turn in range(200, 1400, 200):
+        yields = turn + int(np.argmax(p[turn:] > p[turn]))
+        size = 0.5 * abs(stress[turn] - stress[yields])
+        np.testing.assert_allclose(size, 200.0 + Q * (1.0 - np.exp(-30.0 * p[turn])), atol=3.6)  # a step: 7 MPa elastic
+    assert abs(1.0 - np.exp(-30.0 * p[-1])) > 0.85
+
+
 @pytest.mark.parametrize("params", [PRAGER, FREDERICK], ids=["Prager", "Armstrong-Frederick"])
 def test_the_stress_does_not_oscillate_in_large_simple_shear(params):
     """The Jaumann rate would: its shear stress turns at a shear of pi / 2 (Nagtegaal & de Jong 1982)."""

@@ -2,6 +2,7 @@
 numbers."""
 
 import importlib
+import subprocess
 import sys
 from dataclasses import replace
 
@@ -9,11 +10,12 @@ import numpy as np
 import pytest
 from numba import njit
 
+import idic
 from idic.errors import InputError
 from idic.laws import point
 from idic.laws import LawParameter, LawSpec, code_of, compile, get_law, is_kept, outside_values, register
 from idic.laws.core import law as registry
-from idic.laws.core.compilation import LINEARISE, UPDATE, UPDATE_COMPLEX, compile_cached
+from idic.laws.core.compilation import LINEARISE, UPDATE, UPDATE_COMPLEX, compile_cached, pointer
 from idic.laws.core.update_check import check_update
 
 
@@ -193,6 +195,40 @@ def test_a_table_or_helper_that_changes_is_seen_though_the_file_of_the_law_is_th
     assert first_entry(1.0, 1.0) == (True, 1.0)
     assert first_entry(3.0, 1.0) == (False, 3.0)
     assert first_entry(3.0, 7.0) == (False, 21.0)
+
+
+ALIKE = """from idic.laws.core.compilation import UPDATE, compile_cached
+
+
+def made(size):
+    def update(F, state, params, dt, P, state_new):
+        P[0, 0] = size
+        return 0
+    return update
+
+
+def compiled(size):
+    return compile_cached(made(size), UPDATE)
+"""
+
+
+def test_laws_that_two_processes_have_compiled_first_are_told_apart_in_a_third(tmp_path, monkeypatch):
+    """Numba counts the functions of a process: both are its first, and have one name."""
+    (tmp_path / "alike.py").write_text(ALIKE)
+    code = f"import idic; idic.__path__.append({str(tmp_path)!r}); import idic.alike; idic.alike.compiled(%r)"
+    for size in (1.0, 2.0):
+        subprocess.run([sys.executable, "-c", code % size], check=True)
+    monkeypatch.setattr(idic, "__path__", [*idic.__path__, str(tmp_path)])  # numba alone keeps the package's laws
+    alike = importlib.import_module("idic.alike")
+    assert all(is_kept(alike.made(size)) for size in (1.0, 2.0))
+
+    @njit
+    def entry(update, P):
+        update(P, P[0], P[0], 1.0, P, P[1])
+        return P[0, 0]
+
+    laws = [alike.compiled(size) for size in (1.0, 2.0)]
+    assert [entry(pointer(law), np.eye(3)) for law in laws] == [1.0, 2.0]
 
 
 def test_what_a_law_is_made_of_is_told_by_values_not_by_addresses():

@@ -76,9 +76,14 @@ def test_two_copies_of_volumes_have_the_recording_as_their_mean(bar):
     assert copies[0].noise.std_gv == pytest.approx(np.sqrt(2.0) * experiment.recording.noise.std_gv)
 
 
-def diagnosed(folder, hidden, quick=True, **scanner):
+def diagnosed(folder, hidden, quick=True, curvature=0.0, **scanner):
+    """curvature : of the load cell, share of the force at the largest reading"""
     test = Tomograms(side=56, n_scans=6, strain=0.04, mesh=FINE, true_mesh=TRUE_MESH, hidden=hidden, **scanner)
     experiment = test.write(folder / "experiment")
+    log, header = experiment / "loads.csv", "time_s,stroke_mm,force_N"
+    rows = np.loadtxt(log, delimiter=",", skiprows=1)
+    rows[:, 2] *= 1.0 + curvature * rows[:, 2] / rows[:, 2].max()
+    np.savetxt(log, rows, delimiter=",", header=header, comments="")
     identify_run(experiment, folder / "run")
     return diagnose_run(folder / "run", quick=quick), folder / "run"
 
@@ -129,3 +134,33 @@ def test_a_concealed_fault_of_the_scanner_is_named(tmp_path, name, scanner):
     verdict, _ = diagnosed(tmp_path, "", **scanner)
     assert name in (*verdict["named"], *verdict["indistinguishable"]), verdict["headline"]
     assert verdict["mismatch"]["p_value"] < 1e-6
+
+
+@pytest.mark.slow
+def test_a_solid_that_yields_is_no_creep(tmp_path):
+    """E comes out at half: creep with a large exponent imitates yielding, and promises more."""
+    verdict, _ = diagnosed(tmp_path, "", quick=False,
+                           law='law = "j2_linear"\nyield_stress = 1150.0\nhardening_modulus = 4600.0')
+    assert verdict["verdict"] in ("single", "set") and verdict["named"] == ["plasticity"], verdict["headline"]
+    modulus = verdict["model"]["parameters_after"]["BODY.E"]
+    assert abs(modulus["value"] - 70000.0) < 3.0 * modulus["std"]
+
+
+@pytest.mark.slow
+def test_a_load_cell_that_bends_is_one_of_a_set(tmp_path):
+    """Finite strains, which the model neglects, bend the force as much: they are a candidate, and no small error."""
+    verdict, _ = diagnosed(tmp_path, "", quick=False, curvature=0.08)
+    assert verdict["verdict"] == "set" and verdict["mismatch"]["side"] == "force", verdict["headline"]
+    (members,) = verdict["indistinguishable"]
+    assert {"load_cell_curvature", "nonlinear_elasticity", "geometric_nonlinearity"} <= {*members}
+
+
+@pytest.mark.slow
+def test_a_magnification_that_jumps_gets_its_own_course(tmp_path):
+    """A growth with time leaves a third of it, for which warmth and a force offset were told."""
+    growth = -1e-3 * np.array([0.0, 0.0, 3.8, 3.9, 4.5, 4.6])
+    verdict, _ = diagnosed(tmp_path, "", quick=False, growth=growth)
+    assert (verdict["verdict"], verdict["named"]) == ("single", ["scanner_magnification"]), verdict["headline"]
+    (course,) = verdict["courses"]
+    assert course["free"]
+    np.testing.assert_allclose(np.array(course["value"])[2:], growth[2:], atol=4.0 * max(course["std"]))

@@ -69,6 +69,28 @@ def test_every_voxel_of_a_block_of_bricks_has_one_element():
     assert voxel_map.n_pixels == 25**3  # 8 … 32: those on the far faces lie outside by a hair
 
 
+@pytest.mark.parametrize("whole", [True, False])
+def test_the_voxels_of_a_scan_that_is_not_kept_whole_are_given_back(monkeypatch, whole):
+    """The next pass makes them anew, to the same bits."""
+    monkeypatch.setattr("idic.correlation.volume.voxel_map.VOXELS_PER_BLOCK", 4000)
+    monkeypatch.setattr("idic.correlation.volume.voxel_map.LEAST_BLOCK_PX", 12)
+    nodes, conn = solid("hex8", 0.0)
+    volumes = ArrayVolumes(scans())
+    voxel_map = build_voxel_map(nodes, [Block("hex8", conn)], (SIDE,) * 3)
+    n_blocks = len(voxel_map.blocks) - 1
+    if not whole:
+        kept = VolumeReference.of(voxel_map, volumes, (0,)).stored[0].nbytes
+        monkeypatch.setattr("idic.correlation.volume.reference.KEPT_BYTES", 2 * kept)
+    reference = VolumeReference.of(voxel_map, volumes, (0,))
+    before = reference.equations(volumes, 1, np.zeros(nodes.shape))
+    assert 0 < len(reference.stored) <= n_blocks and (len(reference.stored) == n_blocks) is whole
+    reference.release()
+    assert len(reference.stored) == (n_blocks if whole else 0)
+    after = reference.equations(volumes, 1, np.zeros(nodes.shape))
+    np.testing.assert_array_equal(after.q, before.q)
+    assert after.rr == before.rr
+
+
 def test_light_is_found():
     """Gain and offset of a scan at rest come out of its equations."""
     f, _ = scans()

@@ -19,7 +19,8 @@ VOXEL_MM, ORIGIN_PX, NOISE_GV, CONTRAST_GV = 0.02, np.array([10.0, 9.0, 7.0]), 2
 BLOB_PX, FORCE_NOISE = 1.6, 2.0
 STEP_MM = 1e-4  # of the differences for a deformation gradient
 COARSE, FINE = (3, 5), (5, 8)
-ELASTIC = ('law = "elastic"\nE = {{ value = {E}, unit = "MPa", identify = true }}\n'
+LINEAR = 'law = "elastic"'
+ELASTIC = (LINEAR + '\nE = {{ value = {E}, unit = "MPa", identify = true }}\n'
            "nu = {{ value = {nu}, identify = true }}\n")
 TRUTH = {"E": 70000.0, "nu": 0.33}
 
@@ -29,7 +30,7 @@ class Tomograms:
     """side : voxels of a cube; n_scans : with the two at rest; drift : (n_scans, 3) voxels, motion of each scan;
     growth : (n_scans,) of all lengths in each scan, about the middle of the volume; seed : of texture and noise; mesh,
     true_mesh : elements across and along, of the user and of the truth; hidden : tables of the truth alone; strain : at
-    the end; noise_gv : of a voxel"""
+    the end; noise_gv : of a voxel; law : of the truth, with its further keys"""
 
     side: int = 44
     n_scans: int = 4
@@ -42,6 +43,7 @@ class Tomograms:
     hidden: str = ""
     strain: float = 0.012
     noise_gv: float = NOISE_GV
+    law: str = LINEAR
 
     @property
     def size_mm(self) -> np.ndarray:
@@ -60,7 +62,7 @@ class Tomograms:
         for k in range(1, self.n_scans):
             np.save(folder / "scans" / f"scan_{k:02d}.npy", np.zeros((self.side,) * 3, np.uint16))
         truth = self.tables("fine.inp", TRUTH).replace("still_frames = [0, 1]\n", "").replace(
-            "[scanner]\n", "[scanner]\nnoise_std_gv = 1.0\n") + self.hidden
+            "[scanner]\n", "[scanner]\nnoise_std_gv = 1.0\n").replace(LINEAR, self.law) + self.hidden
         (folder / "truth.toml").write_text(truth)
         experiment = load_experiment(folder / "truth.toml")
         states = list(build_forward(experiment).march(experiment.model.parameters))

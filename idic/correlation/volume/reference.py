@@ -222,6 +222,11 @@ class VolumeReference(NodalBasis):
                 self.stored[number] = voxels
         return voxels
 
+    def release(self) -> None:
+        """Give back the voxels that are kept of a scan too large to be kept whole; the next pass makes them anew."""
+        if len(self.stored) < len(self.pixel_map.blocks) - 1:
+            self.stored.clear()
+
     def _pass(self, stack: VolumeStack, frame: int, motion: VolumeMotion, layout: Brightness, number: int,
               voxels: Voxels, valid: np.ndarray, sums: np.ndarray, lost: np.ndarray,
               residual: np.ndarray | None = None, fractions: np.ndarray | None = None) -> None:

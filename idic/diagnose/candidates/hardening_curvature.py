@@ -1,8 +1,8 @@
 """Nonlinear hardening: Voce's saturating term on a straight line, with its rate on a grid; a slope or exponent freed.
 
 The amplitude Q of the term enters linearly, so its null is regular; without it the rate b has no meaning and is tried
-at values that saturate within a thirtieth to all of the plastic strain of the test. A negative Q is cyclic softening:
-the plastic strain counts every cycle.
+at values that saturate within a thirtieth to all of the largest plastic strain. What saturates over many cycles is
+`cyclic_softening`.
 """
 
 from __future__ import annotations
@@ -80,8 +80,9 @@ register(Candidate(
     rivals={"plasticity": "a wrong yield stress curves the onset too",
             "kinematic_hardening": "a back stress that saturates curves the loading curve in the same way",
             "yield_plateau": "a curve that is broken, not bent",
+            "cyclic_softening": "an elastic range that changes from cycle to cycle, not within the first loading",
             "rate_dependence": "overstress that changes with the rate of straining"},
     separating_tests=("strain further", "unload and load again at another speed", "reverse the load"),
     variants=variants, has_onset=True,
-    paraphrase="nonlinear hardening, another slope or exponent; negative: softening, cyclic too",
+    paraphrase="nonlinear hardening, another slope or exponent; negative: softening",
     hidden_by_yield_law=True))

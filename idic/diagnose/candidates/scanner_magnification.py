@@ -5,6 +5,7 @@ from __future__ import annotations
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.physics.edits import further_dofs
 from idic.images import SCANNER, Scanner
+from idic.model import knot_name
 
 PROBE_MAGNIFICATION = 1e-3
 
@@ -18,11 +19,11 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     if model.has_times and (edits := further_dofs(situation, drift)) is not None:
         proposals.append(Variant("the voxels grow with time", edits, (drift,), {drift: 0.0},
                                  {drift: PROBE_MAGNIFICATION / situation.duration}, direct=True))
-    names = tuple(f"{stem}_at[{k}]" for k in range(model.reference + 1, model.n_frames)
+    names = tuple(knot_name(stem, k) for k in range(model.reference + 1, model.n_frames)
                   if k not in experiment.recording.excluded)
     if (edits := further_dofs(situation, *names)) is not None:
         proposals.append(Variant("voxels of another size in every scan", edits, names, dict.fromkeys(names, 0.0),
-                                 dict.fromkeys(names, PROBE_MAGNIFICATION), direct=True))
+                                 dict.fromkeys(names, 0.0), direct=True, free_course=True))
     return tuple(proposals)
 
 

@@ -44,11 +44,19 @@ def moved(identification: Identification, steps: Mapping[str, float]) -> Identif
     A step is shortened as a whole where a positive parameter would change by more than half its value, as that is
     beyond first order: a bulk modulus of rubber that a bent sheet hardly determines went to zero.
     """
-    values, share = identification.parameters.as_values(), share_of_step(identification.parameters, steps)
-    for name, change in steps.items():
+    values = identification.parameters.as_values()
+    for name, change in shortened(identification.parameters, steps).items():
         low, high = identification.parameters[name].bounds
-        values[name] = float(np.clip(values[name] + share * change, low, high))
+        values[name] = float(np.clip(values[name] + change, low, high))
     return at_values(identification, identification.experiment, values)
+
+
+def shortened(parameters: ParameterSet, steps: Mapping[str, float]) -> dict[str, float]:
+    """A step, shortened as a whole where a positive parameter would change by more than half its value, as that is
+    beyond first order: a bulk modulus of rubber that a bent sheet hardly determined went to zero, and so did the rate
+    of creep that imitated yielding."""
+    share = share_of_step(parameters, steps)
+    return {name: share * change for name, change in steps.items()}
 
 
 def share_of_step(parameters: ParameterSet, steps: Mapping[str, float]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,7 +66,7 @@ def error_column(residual: ResidualEvidence, error: MotionError) -> Columns:
     return as_recorded(residual, ErrorChanges(("mesh",), error.u[..., None], error.channels[..., None]))
 
 
-def error_columns(residual: ResidualEvidence, errors: Sequence[MotionError]) -> Columns | None:
+def error_columns(residual: ResidualEvidence, errors: Collection[MotionError]) -> Columns | None:
     """Several errors as images and channels record them; None without any."""
     return joined(*(error_column(residual, error) for error in errors)) if errors else None
 

@@ -132,3 +132,23 @@ def plastic_strain(situation: Situation, name: str) -> float:
     E, _ = elastic_pair(situation, name)
     strain = situation.strain[name]
     return max(strain - situation.values.get(f"{name}.yield_stress", 0.0) / E, 0.1 * strain)
+
+
+def plastic_course(situation: Situation, name: str) -> np.ndarray:
+    """About the plastic strain of every frame, with its sign, where the body is strained most  # (n_frames,)
+
+    The motion along that of the frame that moves most stands for the strain; the plastic part follows it at a distance
+    of the strain at yield, as under kinematic hardening.
+    """
+    motion = situation.u.reshape(len(situation.u), -1)
+    size = np.einsum("tn,tn->t", motion, motion)
+    peak = motion[int(np.argmax(size))]
+    if not size.any():
+        return np.zeros(len(motion))
+    course = situation.strain[name] * (motion @ peak) / size.max()
+    reach = situation.values[f"{name}.yield_stress"] / elastic_pair(situation, name)[0]
+    plastic, values = 0.0, np.zeros(len(course))
+    for frame, strain in enumerate(course):
+        plastic = min(max(plastic, strain - reach), strain + reach)
+        values[frame] = plastic
+    return values

@@ -249,13 +249,23 @@ def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _started(start: Start, evaluations: int | None) -> Experiment:
-    """The experiment with its start values; evaluations : at most so many, where they are limited."""
+    """The experiment with its start values; evaluations : at most so many, where they are limited.
+
+    Raises
+    ------
+    InputError
+        If a positive parameter would begin at zero: its logarithm is searched.
+    """
     options = replace(start.experiment.options, tolerance=max(start.experiment.options.tolerance, STEP_TOLERANCE_STD))
     if evaluations is not None:
         options = replace(options, max_iterations=min(options.max_iterations, evaluations))
     parameters = start.experiment.model.parameters
     values = {name: float(np.clip(value, *parameters[name].bounds))
               for name, value in parameters.own_of(start.values).items()}
+    zeros = [name for name, value in values.items() if parameters[name].transform == "log" and not value > 0.0]
+    if zeros:
+        raise InputError(f"{', '.join(zeros)} would begin at zero, and is searched as a logarithm",
+                         remedy="begin at a positive value")
     return replace(start.experiment, model=replace(start.experiment.model, parameters=parameters.with_starts(values)),
                    stages=(), options=options)
 

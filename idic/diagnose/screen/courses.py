@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.images import CameraMotion, PlacedCamera
+from idic.images import CameraMotion, PlacedCamera, SCANNER, Scanner
 from idic.laws import EXPANSION
 from idic.model import (
     CORRECTION_TERMS, Experiment, Model, TEMPERATURE, TemperatureField, channel_term, corrections_of, jump_frame,
@@ -67,7 +67,8 @@ def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
         if stem == f"channel.{channel.column}" and term is not None and term.course is not None:
             return term.course.amplitude(experiment, channel, word)
     motion = model.camera.motion
-    if motion is not None and not isinstance(model.camera, PlacedCamera) and stem == experiment.recording.camera_name \
+    owner = SCANNER if isinstance(model.camera, Scanner) else experiment.recording.camera_name
+    if motion is not None and not isinstance(model.camera, PlacedCamera) and stem == owner \
             and word in motion.names and (word.startswith("magnification")
                                           or motion.kinds[motion.names.index(word)] in CameraMotion.shapes):
         return motion.courses[motion.names.index(word)]

@@ -26,6 +26,7 @@ from idic.laws import EXPANSION
 from idic.model import CorrectionTerm, Experiment, KNOTS, TEMPERATURE, channel_term, term_of_motion, without_knot
 
 MIN_KNOT_CHI2 = 9.0  # drop of chi-square that a knot must bring
+MAX_KNOTS_IN_SETS = 8  # 255 sets
 KNOTTED = {"course": "free", "knots": KNOTS}
 SEEN = {f"{kind}_{course}": kind for kind in ("magnification", *CameraMotion.shapes) for course in ("drift", "load")}
 
@@ -58,20 +59,30 @@ def with_free_courses(trials: Sequence[tuple[Candidate, Variant]], document: Map
 
 def fewest_knots(scores: Scores, members: Sequence[int]) -> list[int]:
     """Of the columns of a free course those that explain most of its drop of chi-square on a copy, less
-    `MIN_KNOT_CHI2` each."""
-    def worth(knots: list[int]) -> float:
+    `MIN_KNOT_CHI2` each: of all sets, or, of many scans with a knot each, by leaving out one after the other."""
+    def worth(knots: Sequence[int]) -> float:
         return drop_on_copy(scores.gain(knots), len(knots)) - MIN_KNOT_CHI2 * len(knots)
 
-    return max((list(knots) for n in range(1, len(members) + 1) for knots in combinations(members, n)), key=worth)
+    if len(members) <= MAX_KNOTS_IN_SETS:
+        return max((list(knots) for n in range(1, len(members) + 1) for knots in combinations(members, n)), key=worth)
+    chosen = list(members)
+    while len(chosen) > 1:
+        fewer = max(([knot for knot in chosen if knot != candidate] for candidate in chosen), key=worth)
+        if worth(fewer) < worth(chosen):
+            break
+        chosen = fewer
+    return chosen
 
 
 def with_knots(variant: Variant, names: Collection[str]) -> Variant:
     """A free course that is zero at all knots but these."""
     if len(names) == len(variant.new):
         return variant
-    locked = [{"name": name, "value": 0.0, "identify": False} for name in variant.new if name not in names]
+    dropped = [name for name in variant.new if name not in names]
+    entries = [entry for entry in variant.edits["dof"] if entry["name"] not in dropped]
+    locked = [{"name": name, "value": 0.0, "identify": False} for name in dropped]
     knots = tuple(name for name in variant.new if name in names)
-    return replace(variant, edits={**variant.edits, "dof": [*variant.edits["dof"], *locked]}, new=knots,
+    return replace(variant, edits={**variant.edits, "dof": [*entries, *locked]}, new=knots,
                    null=dict.fromkeys(knots, 0.0), probe=dict.fromkeys(knots, 0.0))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -123,7 +123,8 @@ class State:
     final : the last model fitted to the recording itself, None where no cause joined the identified one
     other_axis : fit of that model with another axis, where the recording does not tell it from the first
     settled : the model at the values that the known error of `final` is of, None where it is of its start
-    small_errors : of the simulation of the identified model, that it does not count: a part of the null of scores
+    small_errors : of the simulation of the identified model, that it does not count, by name: a part of the null of
+    scores
     """
 
     setting: Setting
@@ -141,7 +142,7 @@ class State:
     final: FittedModel | None = None
     other_axis: Fit | None = None
     settled: Identification | None = None
-    small_errors: tuple[MotionError, ...] = ()
+    small_errors: Mapping[str, MotionError] = field(default_factory=dict)
 
     @property
     def refits(self) -> Refits:

@@ -127,8 +127,9 @@ def _scanner_motion(context, times: np.ndarray | None, compared: Sequence[int]) 
     for kind in ScannerMotion.units:
         if times is not None and len(times) > 1:
             courses[f"{kind}_drift"] = (kind, times - times[context.reference])
-        for frame in compared:
-            courses[f"{kind}_at[{frame}]"] = (kind, (np.arange(context.n_frames) == frame).astype(float))
+        for frame in compared:  # of the magnification a knot in every scan
+            name = knot_name(kind, frame) if kind == MAGNIFICATION else f"{kind}_at[{frame}]"
+            courses[name] = (kind, (np.arange(context.n_frames) == frame).astype(float))
     return ScannerMotion(tuple(courses), tuple(kind for kind, _ in courses.values()),
                          np.array([course for _, course in courses.values()]), np.zeros(len(courses)))
 

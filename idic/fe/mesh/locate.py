@@ -1,4 +1,4 @@
-"""Where points lie in a plane mesh: the element that holds each of them, and the shape functions there."""
+"""Where points lie in a mesh of plane cells or bricks: the element that holds each, and the shape functions there."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ def interpolation(nodes: np.ndarray, blocks: Sequence[Block],
 
     Parameters
     ----------
-    nodes : (n_nodes, 2)
-    blocks : plane cells into them
-    points : (n, 2), in the unit of the nodes
+    nodes : (n_nodes, d)
+    blocks : plane cells or bricks into them
+    points : (n, d), in the unit of the nodes
 
     Returns
     -------
     weights : (n, n_nodes), rows of zeros outside
     inside : (n,) bool
     """
-    points = np.asarray(points, dtype=float).reshape(-1, 2)
+    points = np.asarray(points, dtype=float).reshape(-1, nodes.shape[1])
     inside = np.zeros(len(points), dtype=bool)
     rows, columns, values = [], [], []
     for block in blocks:
@@ -69,7 +69,7 @@ def _in_block(nodes: np.ndarray, block: Block, points: np.ndarray,
 
 
 def _local(cell: str, corners: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Local coordinates of one point in each of some elements, by Newton's method  # (n, nn, 2) -> (n, 2)"""
+    """Local coordinates of one point in each of some elements, by Newton's method  # (n, nn, d) -> (n, d)"""
     n_corners = cell_type(cell).n_corners
     xi = np.tile(cell_type(cell).reference_nodes[:n_corners].mean(axis=0), (len(corners), 1))
     for _ in range(_NEWTON_STEPS):

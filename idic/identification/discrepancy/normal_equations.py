@@ -29,7 +29,8 @@ from idic.simulation_error import ErrorInFrames, ModelPoint, can_be_refined, mes
 
 MOTION, STRESS, CHANNEL = "motion", "stress", "channel"
 MESH, STRAINS = "mesh", "small strains"  # errors of known size
-MAX_BYTES, COPIES = 1.5e9, 12  # of nodal arrays of all unknowns at a time
+# of nodal arrays of all unknowns at a time; a factor of as many nodes of a solid takes more
+MAX_BYTES, COPIES = 3e9, 12
 STRESS_FRAMES = 6  # in which the answer to stress errors is computed; linear in between
 
 
@@ -53,8 +54,8 @@ class DiscrepancySystem:
     by the name of the component that it is the unit of; channel_rows : (n_frames, n_channels, n + q) derivatives of the
     simulated channels, None where they are not known; of several experiments: frames and channels of one after the
     other;
-    mesh_error : (n + q,) the error of b by the mesh, None where it was not estimated
-    (`idic.simulation_error`);
+    mesh_error : (n + q,) the error of b by the mesh, None where it was not estimated (`idic.simulation_error`);
+    mesh_size_only : whether its size alone is known, from a coarser mesh;
     may_be_rough : whether what is finer than the fields may count as noise does. Not on solids whose mesh error, which
     moves parameters by more than noise of that size would, is not estimated
     strain_error : (n + q,) the error of b by small strains, None where the laws have no finite form
@@ -70,6 +71,7 @@ class DiscrepancySystem:
     mesh_error: np.ndarray | None = None
     may_be_rough: bool = True
     strain_error: np.ndarray | None = None
+    mesh_size_only: bool = False
 
     @property
     def n(self) -> int:
@@ -132,7 +134,8 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
     return DiscrepancySystem(context.names, M, system.b[:size], noise,
                              fields.components, {MOTION: rms_motion[0] / experiment.model.camera.pixel_size},
                              np.array(rows)[..., :size], by_error.get(MESH),
-                             experiment.model.n_dim == 2 or MESH in by_error, by_error.get(STRAINS))
+                             experiment.model.n_dim == 2 or MESH in by_error, by_error.get(STRAINS),
+                             MESH in by_error and not can_be_refined(experiment.model))
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:
@@ -178,7 +181,8 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free_names: Sequence[st
                              _one_after_the_other(rows) if len(rows) == len(systems) else None,
                              mesh_error if any(part.mesh_error is not None for part in systems.values()) else None,
                              all(part.may_be_rough for part in systems.values()),
-                             strains if any(part.strain_error is not None for part in systems.values()) else None)
+                             strains if any(part.strain_error is not None for part in systems.values()) else None,
+                             any(part.mesh_size_only for part in systems.values()))
 
 
 def _one_after_the_other(rows: Sequence[np.ndarray]) -> np.ndarray:
@@ -295,9 +299,9 @@ class _Fields:
 
 
 def counts_mesh_error(experiment: Experiment) -> bool:
-    """Whether the error of the motion by the mesh is a column: of solids, as far as the finer mesh is not too large.
-    In the plane a whole step on the finer mesh is cheap (`idic.identification.systematic.discretisation`)."""
-    return experiment.options.weighting == "noise" and experiment.model.n_dim == 3 and can_be_refined(experiment.model)
+    """Whether the error of the motion by the mesh is a column, as far as it can be made: of solids. In the plane a
+    whole step on the finer mesh is cheap (`idic.identification.systematic.discretisation`)."""
+    return experiment.options.weighting == "noise" and experiment.model.n_dim == 3
 
 
 def errors_of_known_size(point: ModelPoint, displacements: Mapping[int, np.ndarray]) -> dict[str, ErrorInFrames | None]:

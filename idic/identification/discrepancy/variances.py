@@ -13,7 +13,8 @@ whole. They add
 to the covariance of b. All v >= 0; none is left where noise alone has the likelihood of the smooth fields (Self and
 Liang 1987, doi:10.1080/01621459.1987.10478472; Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545), and no rough
 part where the smooth fields alone have its likelihood. The error m of b by a coarse mesh adds m m^T (14.7); what it
-leaves in z is known, and no discrepancy (14.8), unless the recording contradicts it.
+leaves in z is known, and no discrepancy (14.8), unless the recording contradicts it. Where its size alone is known, z
+stays as it is.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray,
     fields = _split(white @ G, system)
     parts = tuple(part @ part.T for part in fields)
     fit, mesh = _fit(_Likelihood(white @ z, parts), system.may_be_rough), system.mesh_error is not None
-    if mesh:
+    if mesh and not system.mesh_size_only:
         remainder = z - (system.mesh_error[n:] - regression @ (slopes * system.mesh_error[:n]))
         of_finer = _fit(_Likelihood(white @ remainder, parts), system.may_be_rough)
         mesh = 2.0 * (of_finer.negative_log - fit.negative_log) <= MAX_CONTRADICTION

@@ -22,7 +22,7 @@ search one increment for two frames is simulated for comparison, beginning at th
 small, the end of the first search is the answer. Otherwise 1 and 2 per frame are simulated, with the same judgement.
 Where one is not enough, 1 and 2 leave an eighth of its error at most (docs/evidence/time-step.md), and mostly suffice.
 
-Linear elements of a solid that is too large for a finer mesh have an error that no standard deviation counts. In bars
+Linear elements of a solid that is too large for a finer mesh have an error whose size is known at most. In bars
 between rigid grips it was the larger one: 10 cubed hex8 moved the hardening modulus by 24 %, with 31 cubed it was 5 %
 off; 1 and 2 increments per frame moved it by 2 and 1 % (studies/evidence/volumes/scale.py). There 1 and 2 are the last
 for laws without time.
@@ -266,7 +266,7 @@ def max_increments(model: Model) -> int:
 
 
 def errs_by_its_mesh(model: Model) -> bool:
-    """Whether linear elements of a solid leave an error that is too costly to be known, of laws without time."""
+    """Whether linear elements of a solid, of laws without time, leave an error of which at most its size is known."""
     return (model.kind == "solid" and model.mesh.can_raise_order and not can_be_refined(model)
             and not model.rate_dependent_laws)
 

@@ -7,6 +7,7 @@
     j2_power_reference  yield_stress + K0 (p / ep0)^n, for tests at small strain
     j2_swift            K (eps0 + p)^n
     j2_kinematic        j2_linear with a back stress of Armstrong and Frederick
+    j2_chaboche         j2_voce with that back stress: Q < 0 is cyclic softening, Q > 0 cyclic hardening
     j2_hill             j2_voce in Hill's yield condition
     viscoplastic        j2_linear with Norton's overstress
     j2_pressure         j2_linear in Drucker and Prager's yield condition
@@ -78,6 +79,13 @@ SHORT_FORMS = {
         {**_FLAT, "C": 0.0, "gamma": 0.0},
         "yield_stress + hardening_modulus p, the size of the elastic range; gamma = 0: Prager, J. Appl. Mech. 23 "
         "(1956) 493", {"hardening_modulus": 500.0}),
+    "j2_chaboche": ShortForm(
+        ("voce", "linear", "armstrong_frederick"),
+        _short_names("hardening_1", "Q", "b") | _H2 | _short_names("backstress_1", "C", "gamma"),
+        {**_VOCE, "C": 0.0, "gamma": 0.0},
+        "yield_stress + Q (1 - exp(-b p)) + hardening_modulus p, the size of the elastic range: it softens with every "
+        "cycle where Q < 0; Chaboche, Int. J. Plast. 2 (1986) 149, doi:10.1016/0749-6419(86)90010-0",
+        {"Q": -20.0, "b": 10.0, "hardening_modulus": 0.0}),
     "j2_hill": ShortForm(
         ("voce", "linear", "hill48"),
         _short_names("hardening_1", "Q", "b") | _H2 | _short_names("yield_surface", "r0", "r45", "r90", "angle"), _VOCE,

@@ -10,6 +10,7 @@ from pathlib import Path
 import numba
 import numpy as np
 from numba import types
+from numba.core.types import WrapperAddressProtocol
 
 from idic.errors import InputError
 from idic.laws.core.law import LawSpec, get_law
@@ -43,11 +44,34 @@ def _sources_stamp() -> tuple:
     return tuple((name, s.st_mtime, s.st_size) for name, s in stats)
 
 
+class _Pointer(WrapperAddressProtocol):
+    """A compiled function as numba takes it fastest: its address, looked up once."""
+
+    def __init__(self, function):
+        compiled = next(iter(function.overloads.values()))
+        self._function, self._signature = function, compiled.signature  # the function keeps its code alive
+        self._address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
+
+    def __wrapper_address__(self) -> int:
+        return self._address
+
+    def signature(self):
+        return self._signature
+
+
+pointer = lru_cache(maxsize=None)(_Pointer)
+
+
 def compile_cached(function: Callable, signature):
-    """Compile `function` for one signature: serial, nogil, with numba's disk cache where there is a place for it."""
+    """Compile `function` for one signature: serial, nogil, with numba's disk cache where there is a place for it.
+
+    Its address is looked up at once. numba looks it up by a name that counts the functions of a process: code on disk
+    of another law, compiled first in another process as well, has the same, and hides this one as soon as it is loaded.
+    """
     dispatcher = _dispatcher(function)
     dispatcher.compile(signature)
     dispatcher.disable_compile()
+    pointer(dispatcher)
     return dispatcher
 
 

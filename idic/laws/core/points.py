@@ -7,13 +7,12 @@ strain that holds for det F <= 0 too, whatever the law.
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
+from functools import cache
 
 import numpy as np
-from numba.core.types import WrapperAddressProtocol
 
 from idic.laws.core import kernels
-from idic.laws.core.compilation import CompiledLaw, compile, compile_cached
+from idic.laws.core.compilation import CompiledLaw, compile, compile_cached, pointer
 
 __all__ = ["CompiledLaw", "compile", "directional_stresses", "point_stresses", "point_tangents"]
 
@@ -30,27 +29,9 @@ def compiled_loop(name: str):
     return next(iter(compiled.overloads.values())).entry_point
 
 
-class _Pointer(WrapperAddressProtocol):
-    """A compiled function as numba takes it fastest: its address, looked up once."""
-
-    def __init__(self, function):
-        compiled = next(iter(function.overloads.values()))
-        self._function, self._signature = function, compiled.signature  # the function keeps its code alive
-        self._address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
-
-    def __wrapper_address__(self) -> int:
-        return self._address
-
-    def signature(self):
-        return self._signature
-
-
-_pointer = lru_cache(maxsize=None)(_Pointer)
-
-
 def _functions(law: CompiledLaw) -> tuple:
     """What the loops take of a law: by_hand, linearise, update_complex, whether its strain is finite."""
-    return law.by_hand, _pointer(law.linearise), _pointer(law.update_complex), not law.small
+    return law.by_hand, pointer(law.linearise), pointer(law.update_complex), not law.small
 
 
 def _array(values) -> np.ndarray:
@@ -100,7 +81,7 @@ def point_stresses(law: CompiledLaw, mode: int, F, state, params, dt: float, *, 
     F, guess, state, params = _inputs(law, mode, F, state, params, guess)
     P, state_new = out if out is not None else (np.empty_like(F), np.empty_like(state))
     P33 = np.empty(len(F))
-    ok = compiled_loop("stress")(_pointer(law.update), law.closed, _pointer(law.tangent), *_functions(law), mode, F,
+    ok = compiled_loop("stress")(pointer(law.update), law.closed, pointer(law.tangent), *_functions(law), mode, F,
                                  guess, state, params, float(dt), P, P33, state_new)
     return (P, state_new, P33, ok) if full else (P, state_new, ok)
 
@@ -116,7 +97,7 @@ def point_tangents(law: CompiledLaw, mode: int, F, state, params, dt: float, *, 
     n, d = F.shape[:2]
     P, state_new, A = out if out is not None else (np.empty_like(F), np.empty_like(state),
                                                    np.empty((n, d * d, d * d)))
-    ok = compiled_loop("tangent")(law.closed, _pointer(law.tangent), *_functions(law), mode, F, guess, state, params,
+    ok = compiled_loop("tangent")(law.closed, pointer(law.tangent), *_functions(law), mode, F, guess, state, params,
                                   float(dt), P, state_new, A)
     return P, state_new, A, ok
 

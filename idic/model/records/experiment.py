@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from idic.fe import Coarse
 from idic.images import PlacedCamera
 from idic.model.records.gauges import Gauge
 from idic.model.records.model import Model
 from idic.model.records.options import Options, Stage
+from idic.model.records.parts import TemperatureField
 from idic.model.records.recording import CAMERA_TIME, FurtherCamera, ReadMask, Recording
 from idic.parameters import ParameterSet
 
@@ -43,6 +45,13 @@ class Experiment:
         """The experiment with the mesh morphed to these parameters; see `Model.at_geometry`."""
         model = self.model.at_geometry(parameters)
         return self if model is self.model else replace(self, model=model)
+
+    def on_coarse_mesh(self, coarse: Coarse) -> Experiment:
+        """The experiment on a mesh whose nodes are a subset of the present ones, without a known error."""
+        temperatures = tuple(
+            replace(entry, drive=replace(entry.drive, values=entry.drive.values[:, coarse.nodes]))
+            if isinstance(entry.drive, TemperatureField) else entry for entry in self.model.temperatures)
+        return replace(self, model=replace(self.model, mesh=coarse.mesh, temperatures=temperatures, motion_error=None))
 
     @property
     def voxel_mask(self) -> ReadMask | None:

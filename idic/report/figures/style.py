@@ -92,8 +92,8 @@ def picked(values: np.ndarray, window: tuple[float, float, float, float] | None,
     room_px = SAMPLES_PER_PX * dpi * np.asarray(axis.figure.get_size_inches()) / panels[::-1]  # width, height
     step = max(int(min(cut.shape[1] / room_px[0], cut.shape[0] / room_px[1])), 1)
     samples = cut[step // 2 :: step, step // 2 :: step]
-    left, top = first_column - 0.5, first_row - 0.5
-    return samples, (left, left + step * samples.shape[1], top + step * samples.shape[0], top)
+    x, y = first_column - 0.5, first_row - 0.5
+    return samples, (x, x + step * samples.shape[1], y + step * samples.shape[0], y)
 
 
 def to_picture(figure: Figure, name: str, title: str, caption: str, as_photo: bool = False) -> Picture:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation import CorrelationContext, Reference, Weights, build_experiment_reference
+from idic.correlation import CorrelationContext, Reference, VolumeReference, Weights, build_experiment_reference
 from idic.errors import InputError
 from idic.experiment_file import ExperimentTables, read_experiment
 from idic.identification import measured_reference, point_context, seen_in
@@ -27,6 +27,7 @@ from idic.run.store.checkpoint import from_hex, load_checkpoint
 from idic.run.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, EXPERIMENTS, FROM_PYTHON
 from idic.run.store.result_file import RESULT_FILE
 from idic.run.store.run_store import RunStore
+from idic.run.store.slices import SlicedVolumes
 from idic.run.workers.probe import ExperimentToSee
 
 
@@ -170,6 +171,17 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
 
     return point_context(context.experiment, parameters, context.forward, context.moving, weights or context.weights,
                          attach)
+
+
+def release_voxels(context: RunContext) -> None:
+    """Give back the voxels of large scans that this process keeps between two passes, up to 650 MB: the factor of a
+    solid takes the memory in between, and a process that makes no passes needs none."""
+    for _, reference in list(_references.values()):
+        if isinstance(reference, VolumeReference):
+            reference.release()
+    volumes = context.experiment.recording.volumes
+    if isinstance(volumes, SlicedVolumes):
+        volumes.release()
 
 
 def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Reference:

@@ -19,7 +19,7 @@ from idic.identification import HALF_RATE, chunk_system, point_discrepancy
 from idic.model import Stage, tried_increments
 from idic.parameters import ParameterSet
 from idic.path_names import path_name
-from idic.run.prepared.context import RunContext, correlation_context, open_run
+from idic.run.prepared.context import RunContext, correlation_context, open_run, release_voxels
 from idic.run.prepared.warm_start import first_order_prediction, repeated, write_without_time_error
 from idic.run.store.arrays import FrameArrays, read_array, write_array
 from idic.run.store.checkpoint import to_hex
@@ -95,6 +95,7 @@ def simulate(job: SimulationJob) -> SimulationReport:
     finished = context.store.finished(name, ident) or _repeated(context.store, job, ident)
     if finished is not None:
         return SimulationReport(job.label, "", tuple(read_array(finished, "steps")), 0.0)
+    release_voxels(context)
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
     parameters = context.experiment.model.parameters.with_values(job.values)
     began = time.perf_counter()

@@ -18,7 +18,8 @@ def save_discrepancy(store: RunStore, number: int, system: DiscrepancySystem | s
     """Store the normal equations of the evaluated point `number`, or why they were not made."""
     has_system = not isinstance(system, str)
     ident = ({"reason": "", "names": list(system.names), "components": [c.name for c in system.components],
-              "motion_px": dict(system.motion_px), "may_be_rough": system.may_be_rough}
+              "motion_px": dict(system.motion_px), "may_be_rough": system.may_be_rough,
+              "mesh_size_only": system.mesh_size_only}
              if has_system else {"reason": system})
     with store.building(group_name(number, LABEL), ident) as folder:
         if has_system:
@@ -49,4 +50,4 @@ def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
     M, noise = (upper + np.triu(upper, 1).T for upper in (read_array(folder, name) for name in SYMMETRIC))
     return DiscrepancySystem(tuple(kind["names"]), M, read_array(folder, "b"), noise, components,
                              dict(kind["motion_px"]), read_array(folder, "channel_rows"), mesh_error,
-                             bool(kind["may_be_rough"]), strain_error)
+                             bool(kind["may_be_rough"]), strain_error, bool(kind["mesh_size_only"]))

@@ -68,6 +68,11 @@ class SlicedVolumes:
         """A block of scan `k`  # (slices, rows, columns)"""
         return np.stack([self._slice(k * self.n_slices + plane)[y, x] for plane in range(self.n_slices)[z]])
 
+    def release(self) -> None:
+        """Give back the slices that are kept."""
+        with self.lock:
+            self.recent.clear()
+
     def _slice(self, number: int) -> np.ndarray:
         """A slice of all scans  # (ny, nx)"""
         with self.lock:

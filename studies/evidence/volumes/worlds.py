@@ -6,8 +6,9 @@ Seed k is a world of kind k modulo the number of kinds. All are the bar of tests
 six scans, blobs carried by another mesh), identified with a linear elastic law. Prints verdict, side, names and whether
 they are right: of a clean test no name; else the effect among the names or those that it cannot be told from, and no
 formal fit. Clean, 19 seeds of 210 to 336: no alarm. Effects, 18 of 207 to 229: the side right in all, right in 13.
-Wrong: a curved load cell (2 of 2: outside the library, no name), plasticity (2 of 2: outside the library, creep named,
-though a free hardening curve explains all), a magnification (1 of 4: a formal fit).
+Then rules changed for the other five, which are right now: plasticity 213, 220 (`single`), a curved load cell 209, 216
+(in a set of four and five with finite strains and nonlinear elasticity), a magnification that jumps, 222 (`single`). Of
+these 220 was run with the candidates that mattered alone; of the 13, the magnifications 208, 215, 229 were run again.
 """
 
 from __future__ import annotations
@@ -42,21 +43,6 @@ class World:
     spoil: Callable[[Path], None] = field(default=lambda folder: None)
 
 
-@dataclass(frozen=True)
-class YieldingTomograms(Tomograms):
-    """A truth that yields; yield_stress, hardening : MPa"""
-
-    yield_stress: float = 1000.0
-    hardening: float = 3000.0
-
-    def tables(self, mesh: str, values: dict[str, float]) -> str:
-        text = super().tables(mesh, values)
-        if mesh != "fine.inp":
-            return text
-        return text.replace('law = "elastic"', f'law = "j2_linear"\nyield_stress = {self.yield_stress}\n'
-                            f"hardening_modulus = {self.hardening}")
-
-
 def base(seed: int, **changes) -> Tomograms:
     return Tomograms(side=56, n_scans=N_SCANS, strain=0.04, mesh=FINE, true_mesh=TRUE_MESH, seed=seed, **changes)
 
@@ -83,9 +69,9 @@ def gradient(seed: int, rng: np.random.Generator) -> World:
 
 def plasticity(seed: int, rng: np.random.Generator) -> World:
     stress = rng.uniform(700.0, 1400.0)
-    test = YieldingTomograms(**{name: getattr(base(seed), name) for name in Tomograms.__dataclass_fields__},
-                             yield_stress=stress, hardening=rng.uniform(1000.0, 6000.0))
-    return World(f"plasticity from {stress:.0f} MPa", test, ("plasticity", "free_hardening", "hardening_curvature"))
+    law = f'law = "j2_linear"\nyield_stress = {stress}\nhardening_modulus = {rng.uniform(1000.0, 6000.0)}'
+    return World(f"plasticity from {stress:.0f} MPa", base(seed, law=law),
+                 ("plasticity", "free_hardening", "hardening_curvature"))
 
 
 def scanner_motion(seed: int, rng: np.random.Generator) -> World:

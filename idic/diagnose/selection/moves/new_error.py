@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from idic.diagnose.discretisation.following import shortened
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.discretisation.thickness_error import neglected_errors, with_bricks
 from idic.diagnose.discretisation.weight import ErrorWeight, weighed
@@ -43,7 +44,8 @@ def with_new_error(cause: JoinedCause) -> State | None:
     error, change = renewed
     source = model.source.with_motion_error(error)
     setting.stage("fit with the error of the mesh")
-    (fit,) = setting.refits([refit_of_one(source, "null", model.fit, setting.grid, setting.seed, change.moves,
+    steps = shortened(model.identification().parameters, change.moves)
+    (fit,) = setting.refits([refit_of_one(source, "null", model.fit, setting.grid, setting.seed, steps,
                                           estimator=model.fit.estimator)])
     if not fit.usable:
         return None

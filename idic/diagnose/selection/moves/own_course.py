@@ -9,6 +9,11 @@ A cause with one amplitude per knot follows any function of time. Where the load
 load: a free drift of the load cell and a stress that bends over the strain leave the same record. A rival that explains
 nearly as much with a course of few unknowns is then not told from it, however large the drop of chi-square by the
 further knots; unless the winner explained more than that rival when its own course had as few.
+
+What another course of a cause would explain may be less than the sum over all free motions shows, and still be what a
+further candidate is found for: a sheet that bulges late was told as two shapes. So before a further cause joins the
+model, the last one is tried with a course of its own; where the whole loses nothing by that, it is the only cause, and
+the round of the further one begins anew (`earlier_course`).
 """
 
 from __future__ import annotations
@@ -19,13 +24,17 @@ import numpy as np
 
 from idic.diagnose.physics.candidate import Variant
 from idic.diagnose.physics.enrich import comes_back
+from idic.diagnose.refits.fitted_model import FittedModel
+from idic.diagnose.refits.refit import Fit
 from idic.diagnose.refits.refit_job import RefitJob
 from idic.diagnose.screen.courses import course_of
 from idic.diagnose.selection.move import Move, itself
-from idic.diagnose.selection.moves.shortlist import with_winner
-from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, leaves_something, within_noise
+from idic.diagnose.selection.moves.shortlist import judged, with_winner
+from idic.diagnose.selection.rival import (
+    COPIES, MIN_DROP_DIFFERENCE, MIN_HELDOUT_DROP, MIN_TOLD_CHI2, Rival, Round, leaves_something, within_noise,
+)
 from idic.diagnose.selection.rivals import edits_of
-from idic.diagnose.selection.state import Selected, State, improvable
+from idic.diagnose.selection.state import Selected, State, improvable, last_cause
 from idic.model import without_knot
 
 MIN_IMITATED_SHARE = 0.9  # of the held-out drop of the winner: what the rival leaves would be a flaw of its description
@@ -63,6 +72,41 @@ def is_worth_its_knots(selected: Selected, tried: State) -> bool:
         return False
     knots = len(tried.winner.ranked.variant.new) - 1
     return tried.winner.heldout - selected.winner.heldout > MIN_HELDOUT_DROP + knots
+
+
+def may_replace_further(selected: Selected) -> bool:
+    """Whether the last cause has a course to be freed before a further one joins it."""
+    cause = last_cause(selected.state)
+    return cause is not None and cause.winner.copies == 1 and not cause.winner.ranked.variant.free_course
+
+
+def earlier_course(selected: Selected) -> State | None:
+    """The round of the last cause, open again, with a course that the data give; None where its pattern has none."""
+    state, cause = selected.state, last_cause(selected.state)
+    if cause is None:
+        return None
+    entry, rounds = cause.round, state.rounds[:-1]
+    is_doubted = state.doubted is not None and len(state.doubted.rounds) >= len(rounds)
+    begun = replace(state, rounds=rounds, model=FittedModel(entry.source, entry.null), round=entry,
+                    doubted=None if is_doubted else state.doubted)
+    tried = with_own_course(Selected(begun, entry, cause.winner))
+    return None if tried is None else judged(tried, tried.round)
+
+
+def loses_nothing(selected: Selected, tried: State) -> bool:
+    """Whether a course of the last cause explains what a further one does, but for noise, and is worth its knots."""
+    cause, freed = last_cause(selected.state), tried.winner
+    if cause is None or freed is None or not has_own_course(freed) or not is_worth_its_knots(cause, tried):
+        return False
+    loss = _on_both_copies(freed.refitted) - _on_both_copies(selected.winner.refitted)
+    return loss < max(MIN_TOLD_CHI2, COPIES * MIN_DROP_DIFFERENCE * freed.achieved)
+
+
+def _on_both_copies(fit: Fit) -> float:
+    """Chi-square, and twice the number of unknowns (`Rival.evidence`)."""
+    if fit.choice is None or fit.judgement is None:
+        return float("inf")
+    return fit.choice.chi2 + fit.judgement.chi2 + 2.0 * len(fit.stds)
 
 
 def refitted_as(selected: Selected, variant: Variant) -> State | None:
@@ -121,5 +165,7 @@ def imitated(state: State) -> State:
     return replace(state, rounds=tuple(with_imitated(entry, u) for entry in state.rounds))
 
 
+EARLIER_COURSE = Move("course of the last cause", "refits_s", improvable, earlier_course, may_replace_further,
+                      loses_nothing)
 OWN_COURSE = Move("own course", "refits_s", improvable, with_own_course, may_have_own_course, is_worth_its_knots)
 IMITATED = Move("imitated rivals", "refits_s", itself, imitated)

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from idic.diagnose.discretisation.following import following
+from idic.diagnose.discretisation.following import following, shortened
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import Fit
@@ -41,8 +41,8 @@ NEAR_SHARE, NEAR_CHI2 = 0.05, 50.0
 class Foreseen:
     """A model beside the errors that have joined, to first order from where it was fitted without them.
 
-    source : with its own error; moved : of its parameters since that fit; chi2 : of the recording then; gain : the part
-    of it that the parameters have taken by following
+    source : with its own error; moved : of its parameters since that fit, where a fit begins (`shortened`); chi2 : of
+    the recording then; gain : the part of it that the parameters have taken by following
     """
 
     source: ExperimentSource
@@ -138,7 +138,7 @@ def foreseen(cause: JoinedCause, model: FittedModel, rival: Rival) -> Foreseen |
         return None
     moved, gain = following(simulation.residual)
     chi2 = misfit_of(simulation.residual, cause.state.setting.grid).chi2 - gain
-    return Foreseen(simulation.source, moved, chi2, gain)
+    return Foreseen(simulation.source, shortened(simulation.residual.context.parameters, moved), chi2, gain)
 
 
 def near_rivals(entry: Round) -> list[Rival]:

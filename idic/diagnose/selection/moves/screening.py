@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 from idic.correlation import FrameResponse
+from idic.diagnose.discretisation.combinations import FINITE_STRAINS
 from idic.diagnose.discretisation.weight import error_column, error_columns
 from idic.diagnose.physics.candidate import Candidate, Situation, Variant
 from idic.diagnose.refits.fitted_model import FittedModel
@@ -31,6 +34,7 @@ from idic.diagnose.selection.rival import Round
 from idic.diagnose.selection.state import State, Watch, unwatched
 from idic.model import Experiment, MotionError
 
+NOTHING: Mapping[str, MotionError] = MappingProxyType({})
 CAMERA = "camera"  # the family that is left out where another system has measured the fields
 
 
@@ -39,7 +43,7 @@ def opened(state: State) -> State:
     setting, model = state.setting, state.model
     responses = model.residual.responses if model.is_simulated_there else None
     screening = screened(model, setting.library, setting.watch, setting.margin, responses, state.small_errors,
-                         shows_mismatch(state))
+                         shows_mismatch(state), not state.rounds and is_beyond_small(state))
     if not screening.shortlist:
         setting.stage("no candidate is significant: no refit")
     announced = AnnouncedRefits(setting.refits, setting.stage, 1 if setting.quick else len(screening.shortlist))
@@ -53,14 +57,23 @@ def shows_mismatch(state: State) -> bool:
             or any(channel.is_significant for channel in channels_left(state.first.residual, None)))
 
 
+def is_beyond_small(state: State) -> bool:
+    """Whether the identified model leaves what the verdict calls unexplained: motion beyond the practical margin, or
+    readings beyond what two meshes of one law differ by."""
+    return ((state.mismatch is not None and state.mismatch.is_significant)
+            or any(channel.matters for channel in channels_left(state.first.residual, None)))
+
+
 def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = unwatched, margin: Margin = ASSUMED,
-             responses: Sequence[FrameResponse] | None = None, small_errors: Sequence[MotionError] = (),
-             is_located: bool = True) -> Screening:
+             responses: Sequence[FrameResponse] | None = None, small_errors: Mapping[str, MotionError] = NOTHING,
+             is_located: bool = True, is_unexplained: bool = False) -> Screening:
     """Score every candidate against the null model on the whole recording: a score fits nothing, and one copy shows
     a faint effect by seven tenths of the standard deviations only. Refits see one copy, and promises are of that.
 
     responses : of the null, where it has been simulated; small_errors : of the simulation, that no model counts;
-    is_located : whether free motions or channels show a mismatch
+    is_located : whether free motions or channels show a mismatch; is_unexplained : whether the model leaves more than
+    small errors do. Where no candidate is significant then, finite strains may have left it: they are no small error,
+    but a candidate, with all that imitate them
     """
     source, null, identification, load = model.source, model.fit, model.identification(), each_once(model.source.load)
     residual = residual_evidence(identification, responses=responses)
@@ -71,12 +84,16 @@ def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = un
     watch(residual, labels, columns)
     error = source.motion_error
     blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
-    scored = screen_candidates(
-        residual.evidence, residual.null, labels, columns,
-        practical=practical_size(residual, margin, is_located), errors=error_columns(residual, small_errors),
+    screen = partial(
+        screen_candidates, residual.evidence, residual.null, labels, columns,
+        practical=practical_size(residual, margin, is_located),
         mesh=None if error is None else error_column(residual, error.of_mesh),
         known_columns=None if blurs is None else (blurs, RELATIVE_STD),
         materials=[material.element_set for material in identification.experiment.model.materials])
+    scored = screen(errors=error_columns(residual, small_errors.values()))
+    if is_unexplained and not scored.shortlist and FINITE_STRAINS in small_errors:
+        errors = [error for name, error in small_errors.items() if name != FINITE_STRAINS]
+        scored = screen(errors=error_columns(residual, errors))
     unresolved = [ranked for ranked in scored.significant if ranked.variant.unresolved]
     untestable += [(ranked.candidate, ranked.variant.unresolved) for ranked in unresolved]
     return replace(scored, ranked=tuple(ranked for ranked in scored.ranked if ranked not in unresolved),

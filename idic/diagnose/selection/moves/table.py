@@ -14,7 +14,7 @@ from idic.diagnose.selection.moves.finite_strains import FINITE_STRAINS
 from idic.diagnose.selection.moves.free_end import FREE_END
 from idic.diagnose.selection.moves.judged_together import END_OF_ROUND, ON_BLOCKS, TOGETHER
 from idic.diagnose.selection.moves.new_error import AS_JOINED, KNOWN_ERROR, NEW_ERROR
-from idic.diagnose.selection.moves.own_course import IMITATED, OWN_COURSE
+from idic.diagnose.selection.moves.own_course import EARLIER_COURSE, IMITATED, OWN_COURSE
 from idic.diagnose.selection.moves.own_scale import OWN_SCALE
 from idic.diagnose.selection.moves.revision import FURTHER_CAUSE, LAST_CAUSE, REVISION
 from idic.diagnose.selection.moves.rivals_again import RIVALS_AGAIN
@@ -33,6 +33,7 @@ ROUND = (
     OWN_SCALE,       # of a seating
     JUDGED,
     FURTHER_CAUSE,   # explains enough beside the causes before it
+    EARLIER_COURSE,  # explains as much without it
     ON_BLOCKS,       # of the recording, without a part in the fit
     END_OF_ROUND,    # the winner joins the model
     REVISION,        # every cause but the last: removed, or exchanged for a rival

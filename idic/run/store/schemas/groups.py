@@ -31,6 +31,7 @@ class StoredDiscrepancy(Part):
     components: list[str] = []
     motion_px: dict[str, Finite] = {}
     may_be_rough: bool = False
+    mesh_size_only: bool = False
 
     @model_validator(mode="after")
     def _of_parameters(self) -> StoredDiscrepancy:
