@@ -31,6 +31,12 @@ def drawn(monkeypatch):
     return figures
 
 
+def maps_in(figure):
+    """The maps of pixels of a figure, cut to the specimen; its colour bars are smaller."""
+    shown = [axis.images[0] for axis in figure.axes if axis.images]
+    return [image for image in shown if np.ndim(image.get_array()) == 2 and min(image.get_array().shape) > 150]
+
+
 def with_left_out(frames, rms):
     result = make_result()
     for k in frames:
@@ -62,8 +68,7 @@ def test_the_scale_of_the_local_chi2_ends_at_its_maximum_in_each_row(drawn):
     record = make_record()
     before = np.where(np.isfinite(record.residuals.start), 40.0 * record.residuals.start, np.nan)
     maps.local_chi2(replace(record, residuals=replace(record.residuals, start=before)))
-    shown = [axis.images[0] for axis in drawn[0].axes if axis.images]
-    shown = [image for image in shown if np.ndim(image.get_array()) == 2 and image.get_array().shape == (200, 300)]
+    shown = maps_in(drawn[0])
     start, identified = shown[:3], shown[3:]
     for row in (start, identified):
         largest = max(float(np.nanmax(np.ma.filled(image.get_array(), np.nan))) for image in row)
@@ -102,8 +107,7 @@ def test_more_curves_than_colours_are_told_apart():
 def test_rows_of_the_local_chi2_that_differ_little_have_one_scale(drawn):
     record = make_record()
     maps.local_chi2(replace(record, residuals=replace(record.residuals, start=1.3 * record.residuals.identified)))
-    shown = [axis.images[0] for axis in drawn[0].axes if axis.images]
-    shown = [image for image in shown if np.ndim(image.get_array()) == 2 and image.get_array().shape == (200, 300)]
+    shown = maps_in(drawn[0])
     assert len({image.norm.vmax for image in shown}) == 1 and len(shown) == 6
 
 
