@@ -86,7 +86,7 @@ def diagnosed(folder, Q):
     return diagnose_run(folder / "run")
 
 
-@pytest.mark.slow  # nine minutes of CPU time
+@pytest.mark.slow  # seven minutes of CPU time
 @by_calculix
 def test_an_elastic_range_that_shrinks_is_named_and_the_parameters_come_back(tmp_path):
     """The force at the turns falls by 5 % over three cycles; a back stress alone has taken most of it."""
@@ -102,7 +102,7 @@ def test_an_elastic_range_that_shrinks_is_named_and_the_parameters_come_back(tmp
     assert content["fit"]["heldout_excess_after"] < 0.5 * content["fit"]["heldout_excess_before"]
 
 
-@pytest.mark.slow  # four minutes of CPU time
+@pytest.mark.slow  # three minutes of CPU time
 @by_calculix
 def test_an_elastic_range_that_stays_names_nothing(tmp_path):
     content = diagnosed(tmp_path, 0.0)
