@@ -2,8 +2,9 @@
 
 Voce's term over the accumulated plastic strain p, Q (1 - exp(-b p)) with Q < 0 where the material softens, beside a
 back stress (Chaboche). Q enters linearly, so its null is regular; without it the rate b has no meaning and is tried at
-values that saturate within a tenth to all of the plastic strain that the test accumulates. A test without reverse yield
-cannot show it. In a law without back stress only softening is proposed: a curve that rises is nonlinear hardening.
+values that saturate within a tenth to all of the plastic strain that the test accumulates. It takes a whole cycle of
+yield: one reversal shows a back stress. In a law without back stress only softening is proposed: a curve that rises is
+nonlinear hardening.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from idic.laws import ELASTOPLASTIC, composed_name, kinds_of
 
 SATURATION_RATES = (1.0, 3.0, 10.0)  # b times the accumulated plastic strain
 PROBE_STRESS_SHARE = -0.1  # of the yield stress
-MIN_WAY_BACK = 0.2  # of the range of the plastic strain, accumulated beyond it: yield in reverse
+MIN_ACCUMULATED = 2.0  # over the range of the plastic strain: 1.5 after one reversal, 2.5 after a whole cycle
 VOCE = "voce"
+NOT_FOLLOWED = {VOCE, "swift", "orthotropic"}  # has the term; has no yield stress; has no one modulus
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -29,7 +31,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         law, stem, has_back_stress = chosen
         course = np.append(0.0, plastic_course(situation, name))
         accumulated = float(np.abs(np.diff(course)).sum())
-        if accumulated <= (1.0 + MIN_WAY_BACK) * np.ptp(course):
+        if accumulated <= MIN_ACCUMULATED * np.ptp(course):
             continue
         Q, b = f"{name}.{stem}Q", f"{name}.{stem}b"
         size = PROBE_STRESS_SHARE * situation.values[f"{name}.yield_stress"]
@@ -43,15 +45,15 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 def _softening(law: str) -> tuple[str, str, bool] | None:
-    """The law with Voce's term, the beginning of its names, and whether there is a back stress; None where it has one,
-    or a hardening without reversal."""
+    """The law with Voce's term, the beginning of its names, and whether there is a back stress; None where the law has
+    the term already, or is not followed."""
     if law in ("j2_linear", "j2_kinematic"):
         return ("j2_voce", "", False) if law == "j2_linear" else ("j2_chaboche", "", True)
     if not law.startswith(f"{ELASTOPLASTIC}("):
         return None
     kinds = law[len(ELASTOPLASTIC) + 1:-1].split("+")
     hardening = [kind for kind in kinds if kind in kinds_of("hardening")]
-    if VOCE in kinds or any(kind.startswith("free") or "*" in kind for kind in kinds) \
+    if NOT_FOLLOWED & set(kinds) or any(kind.startswith("free") or "*" in kind for kind in kinds) \
             or not set(kinds) & set(kinds_of("backstress")):
         return None
     return composed_name((*kinds, VOCE)), f"hardening_{len(hardening) + 1}_", True
