@@ -150,7 +150,7 @@ def test_a_solid_that_yields_is_no_creep(tmp_path):
 def test_a_load_cell_that_bends_is_one_of_a_set(tmp_path):
     """Finite strains, which the model neglects, bend the force as much: they are a candidate, and no small error."""
     verdict, _ = diagnosed(tmp_path, "", quick=False, curvature=0.08)
-    assert verdict["verdict"] == "set" and verdict["mismatch"]["side"] == "force", verdict["headline"]
+    assert verdict["verdict"] == "set" and verdict["mismatch"]["located_side"] == "force", verdict["headline"]
     (members,) = verdict["indistinguishable"]
     assert {"load_cell_curvature", "nonlinear_elasticity", "geometric_nonlinearity"} <= {*members}
 
