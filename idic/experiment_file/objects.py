@@ -1,7 +1,7 @@
 """An experiment from Python objects: the tables of experiment.toml, with arrays and records in place of files.
 
 The tables are validated by the models that read the file (`idic.experiment_file.schema`); they name the files that
-`idic.notebook.save` would write.
+`Experiment.save` (`idic.notebook`) would write.
 """
 
 from __future__ import annotations

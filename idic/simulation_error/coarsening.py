@@ -22,7 +22,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from idic.fe import Coarse, PerMesh, interpolation
-from idic.model import DriveTable, Experiment, Model, Parametrised
+from idic.model import Controlled, DriveTable, Experiment, Model, Parametrised
 from idic.simulation_error.refinement import measured_dofs
 
 GROWTH = 2.0  # of the elements' size, about
@@ -81,7 +81,7 @@ class Coarsened:
 
 def coarsened(experiment: Experiment) -> Coarsened | None:
     """The test on elements about twice as large; None where no layers of linear bricks can be taken out of a solid, or
-    something is bound to the nodes that go."""
+    something is bound to the nodes that go: shapes, cracks, a gauge that drives the test."""
     coarse = _coarse(experiment.model)
     if coarse is None:
         return None
@@ -89,7 +89,7 @@ def coarsened(experiment: Experiment) -> Coarsened | None:
 
 
 def _coarse(model: Model) -> Coarse | None:
-    shaped = model.morphs or model.cracks or any(isinstance(entry.drive, Parametrised) for entry in model.prescribed)
+    shaped = model.morphs or model.cracks or any(isinstance(drive, Parametrised | Controlled) for drive in model.drives)
     if model.n_dim != 3 or model.solver is not None or shaped or not model.mesh.can_raise_order:
         return None
     number = int(model.mesh.n_elements / GROWTH**3)

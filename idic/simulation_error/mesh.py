@@ -139,8 +139,20 @@ def _change_by_coarser_mesh(point: ModelPoint, coarser: Coarsened, frames: np.nd
     on_coarser = BetterModel(coarser.experiment, coarser.carried_local(point.local),
                              lambda state, coarse: carry @ coarse.u - state.u)
     change = error_in_frames(point, on_coarser, frames, motions)
-    return None if change is None else replace(change, u=-coarser.error_share * change.u,
-                                               channels=-coarser.error_share * change.channels)
+    if change is None:
+        return None
+    channels = _read_at_given_nodes(change, point.experiment)
+    return replace(change, u=-coarser.error_share * change.u, channels=-coarser.error_share * channels)
+
+
+def _read_at_given_nodes(change: ErrorInFrames, experiment: Experiment) -> np.ndarray:
+    """Channels of a change, gauges of motion at the given nodes: the mean of fewer is that of another place
+    # (k, n_channels)"""
+    forward = build_forward(experiment)
+    if not isinstance(forward, ForwardModel) or forward.readings is None:
+        return change.channels
+    moved = change.u.reshape(len(change.frames), -1) @ forward.readings.motion.T
+    return np.where([channel.kind == "displacement" for channel in experiment.model.channels], moved, change.channels)
 
 
 def _of_elastic_bricks(point: ModelPoint, elastic: Experiment) -> MotionError | None:

@@ -89,6 +89,34 @@ def test_a_hole_stays_round_to_its_own_nodes():
     assert np.all(np.isclose(outline, 1.0) | np.isclose(outline, 2.0))
 
 
+def box(*numbers):
+    """Unit bricks."""
+    x, y, z = (part.ravel() for part in np.indices([n + 1 for n in numbers]))
+    number = np.arange(len(x)).reshape([n + 1 for n in numbers])
+    corner = lambda i, j, k: number[i:numbers[0] + i, j:numbers[1] + j, k:numbers[2] + k].ravel()  # noqa: E731
+    cells = [corner(*at, k) for k in (0, 1) for at in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    return make_mesh(np.column_stack([x, y, z]).astype(float), [("hex8", np.stack(cells, axis=1))])
+
+
+def test_plies_of_one_brick_each_keep_their_share_of_a_laminate():
+    mesh = box(4, 4, 6)
+    is_odd = np.floor(mesh.nodes[mesh.blocks[0].connectivity].mean(axis=1)[:, 2]) % 2 == 1
+    mesh = replace(mesh, element_sets={"warp": np.flatnonzero(is_odd), "weft": np.flatnonzero(~is_odd)})
+    found = Coarse.of(mesh, 12).mesh
+    assert found.n_elements < 96
+    assert [volume(found, found.element_sets[name]) for name in ("warp", "weft")] == pytest.approx([48.0, 48.0])
+
+
+def test_a_loaded_strip_one_face_wide_keeps_its_area():
+    mesh = box(5, 4, 2)
+    faces = mesh.boundary_faces()
+    middles = np.array([mesh.nodes[mesh.face_nodes(face)].mean(axis=0) for face in faces])
+    strip = faces[(middles[:, 2] == 2.0) & (middles[:, 0] == 2.5)]
+    found = Coarse.of(replace(mesh, edge_sets={"STRIP": strip}), 1).mesh
+    corners = np.array([found.nodes[found.face_nodes(face)] for face in found.edge_sets["STRIP"]])
+    assert found.n_elements < 40 and np.ptp(corners, axis=1)[:, :2].prod(axis=1).sum() == pytest.approx(4.0)
+
+
 def test_where_no_layer_can_go_or_there_are_few_elements_there_is_no_coarser_mesh():
     mesh = grid(12, 8)
     assert Coarse.of(mesh, 96) is None

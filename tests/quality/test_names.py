@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import Counter
 from functools import cache
 from pathlib import Path
@@ -63,3 +64,31 @@ def test_the_rule_sees_every_kind_of_binding(tmp_path):
     file.write_text("def f(own):\n    for one in own:\n        found = one\n    a, left = 1, 2\n"
                     "try:\n    pass\nexcept ValueError as told:\n    pass\n")
     assert {name for name in bindings(file) if name in BANNED} == {"own", "one", "found", "left", "told"}
+
+
+def test_dotted_names_in_docstrings_exist():
+    """`idic.room.name` in the words of a module is a module, or what it binds; a rename leaves no former name."""
+    former = [(module, name) for module, file in modules().items()
+              for name in re.findall(r"`(idic\.[a-z_]+\.[A-Za-z_.]+)`", file.read_text(encoding="utf-8"))
+              if not _exists(name)]
+    assert not former, "\n".join(map(str, former))
+
+
+def _exists(name: str) -> bool:
+    """Whether a dotted name is one of a module, followed by a name that its file defines."""
+    parts = name.split(".")
+    for number in range(len(parts), 1, -1):
+        if (file := modules().get(".".join(parts[:number]))) is not None:
+            return set(parts[number:number + 1]) <= _defined(file)
+    return False
+
+
+@cache
+def _defined(file: Path) -> frozenset[str]:
+    """Names that a file binds, and those on its door."""
+    names = set(bindings(file))
+    for source in (file, file.with_suffix(".pyi")):
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8") if source.exists() else "")):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.alias):
+                names.add(node.name)
+    return frozenset(names)

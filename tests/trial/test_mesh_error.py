@@ -11,7 +11,7 @@ from idic.diagnose.residual.heldout import grid_of, misfit_of
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.fe import halve, make_mesh, raise_order
-from idic.model import DriveTable, build_forward, solve
+from idic.model import Controlled, DriveTable, build_forward, solve
 from idic.simulation_error import ModelPoint, mesh_error, mesh_error_in, refined
 from idic.simulation_error.coarsening import coarsened
 from idic.simulation_error.limits import LIMITS
@@ -154,5 +154,25 @@ def test_the_change_by_a_coarser_mesh_tells_the_size_of_the_error(elastic, monke
     assert 1.0 < np.linalg.norm(error.u[-1]) / np.linalg.norm(fine_u[:len(u)] - u) < 5.0
 
 
-def test_only_linear_bricks_are_made_coarser(elastic):
+def test_a_gauge_of_motion_reads_the_coarser_mesh_at_the_same_places(elastic, monkeypatch):
+    """The mean of the nodes of a slab, of which the coarser mesh has some."""
+    monkeypatch.setattr("idic.simulation_error.mesh.LIMITS", replace(LIMITS, solid=0))
+    mesh = cube_of(7)
+    mesh = replace(mesh, node_sets=mesh.node_sets | {"SLAB": np.flatnonzero(mesh.nodes[:, 2] < 0.5)})
+    gauge = replace(elastic.model.channels[0], kind="displacement", nodes="SLAB", factor=1.0, unit="mm")
+    cube = replace(elastic, model=replace(elastic.model, mesh=mesh, channels=(gauge,)))
+    last = cube.model.n_frames - 1
+    _, u = force_and_motion(cube)
+    error = mesh_error_in(ModelPoint(cube, cube.model.parameters, local_of(cube)), np.array([0, last]),
+                          [np.zeros_like(u), u])
+    read = error.u[:, mesh.node_sets["SLAB"], 2].mean(axis=1)
+    assert np.abs(read).max() > 0.0
+    np.testing.assert_allclose(error.channels[:, 0], read, rtol=1e-9, atol=1e-15)
+
+
+def test_only_linear_bricks_that_no_gauge_drives_are_made_coarser(elastic):
+    gauge = Controlled("gauge_mm", np.zeros(elastic.model.n_frames), "TOP", "z")
+    driven = tuple(replace(entry, drive=gauge) if entry.nodes == "TOP" and entry.component == "z" else entry
+                   for entry in elastic.model.prescribed)
+    assert coarsened(replace(elastic, model=replace(elastic.model, prescribed=driven))) is None
     assert coarsened(replace(elastic, model=replace(elastic.model, mesh=raise_order(elastic.model.mesh)))) is None

@@ -5,7 +5,7 @@
 
 P is the projection, J_P its 2 x 3 Jacobian at the deformed surface, t the frame. Both are exact at the nodes; between
 them they are what the shape functions of the face make of it. Nodes of a plane specimen have z = 0; its motion has a
-third component where the thickness change is known (`idic.model.thickness_change`), else none.
+third component where the thickness change is known (`idic.fe.thickness_change`), else none.
 """
 
 from __future__ import annotations

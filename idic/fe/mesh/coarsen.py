@@ -6,7 +6,8 @@ edges become one node, where one of them was. The result is a mesh again (Borden
 collapse"). The layer that has grown least goes first, so that elements keep their proportions.
 
 Corners of the outline and the borders of every set stay where they are; a layer that cannot be closed without moving
-them, or that is all there is between two faces, stays too. quad8 become quad4, hex20 hex8.
+them, or that is all there is between two faces or two borders, stays too: plies of one element each, a loaded strip one
+face wide. quad8 become quad4, hex20 hex8.
 """
 
 from __future__ import annotations
@@ -132,6 +133,7 @@ class _Body:
         self.at = np.arange(mesh.n_nodes)
         self.alive = np.ones(mesh.n_elements, dtype=bool)
         self.rank, self.member = _rank(mesh), _membership(mesh)
+        self.borders = (_border_of_elements(mesh), _border_of_faces(mesh))
 
     @property
     def n_elements(self) -> int:
@@ -147,6 +149,9 @@ class _Body:
         rank, member = self.rank[ends], self.member[ends]  # (n, 2), (n, 2, n_sets)
         if np.any((rank.min(axis=1) > 0) & ~outer):
             return None  # all there is between two faces
+        of_elements, of_faces = (border.crossed_by(ends, key) for border in self.borders)
+        if np.any(of_elements | (of_faces & outer)):
+            return None  # all there is of a set
         onto = [~np.any(member[:, 1 - k] & ~member[:, k], axis=1) & (rank[:, 1 - k] <= rank[:, k]) for k in (0, 1)]
         corners = (rank == self.mesh.n_dim).all(axis=1)
         if np.any(~(onto[0] | onto[1]) | corners):
@@ -156,21 +161,22 @@ class _Body:
         becomes = np.arange(self.mesh.n_nodes)
         becomes[ends[rows, 1 - keep]] = ends[rows, keep]
         closed = object.__new__(_Body)
-        closed.mesh, closed.rank, closed.member = self.mesh, self.rank, self.member
+        closed.mesh, closed.rank, closed.member, closed.borders = self.mesh, self.rank, self.member, self.borders
         closed.at, closed.alive = becomes[self.at], self.alive.copy()
         closed.alive[layer.elements] = False
         sets = self.mesh.element_sets.values()
         if not closed.alive.any() or any(len(members) and not closed.alive[np.asarray(members)].any()
                                          for members in sets):
             return None
-        return closed if closed._has_volume() else None
+        return closed if closed._has_volume(closed.at != self.at) else None
 
-    def _has_volume(self) -> bool:
-        """Whether no element that is left is inverted, or flat in a corner."""
+    def _has_volume(self, moved: np.ndarray) -> bool:
+        """Whether no element that is left is inverted, or flat in a corner, by nodes that have moved  # (n_nodes,)"""
         for block in self.mesh.blocks:
-            alive = self.alive[block.first:block.first + block.n_elements]
             cell = cell_type(LINEAR[block.cell])
-            x = self.mesh.nodes[self.at[block.connectivity[alive][:, :cell.n_nodes]]]
+            corners = block.connectivity[:, :cell.n_nodes]
+            changed = self.alive[block.first:block.first + block.n_elements] & moved[corners].any(axis=1)
+            x = self.mesh.nodes[self.at[corners[changed]]]
             gradients = cell.shape_gradients(cell.reference_nodes)
             det = np.linalg.det(np.einsum("eai,qaj->eqij", x, gradients))
             if np.any(det.min(axis=1) < MIN_CORNER_JACOBIAN * det.max(axis=1)):
@@ -228,6 +234,69 @@ def _rank(mesh: Mesh) -> np.ndarray:
         rank[node] = int((np.linalg.svd(np.array(node_normals),
                                         compute_uv=False) > MAX_FLAT_SPREAD * np.sqrt(len(node_normals))).sum())
     return rank
+
+
+@dataclass(frozen=True)
+class _Border:
+    """Where elements, or faces of the outline, of one kind meet those of another; those in the same sets are of a kind.
+
+    nodes : (n_nodes,) bool; edges : (n,) lower node times number of nodes plus higher node
+    """
+
+    nodes: np.ndarray
+    edges: np.ndarray
+
+    def crossed_by(self, ends: np.ndarray, key: np.ndarray) -> np.ndarray:
+        """Whether an edge leads from border to border, and not along it  # (n, 2), (n,) -> (n,) bool"""
+        return self.nodes[ends].all(axis=1) & ~np.isin(key, self.edges)
+
+    @classmethod
+    def of(cls, n_nodes: int, ends: np.ndarray, kinds: np.ndarray) -> _Border:
+        """ends : (n, 2) nodes of all edges of all cells; kinds : (n,) of the cell of each edge"""
+        keys, place = np.unique(np.sort(ends, axis=1) @ [n_nodes, 1], return_inverse=True)
+        of_nodes, of_edges = _several(n_nodes, ends.ravel(), np.repeat(kinds, 2)), _several(len(keys), place, kinds)
+        return cls(of_nodes, keys[of_edges])
+
+
+def _several(n: int, places: np.ndarray, kinds: np.ndarray) -> np.ndarray:
+    """Which of n places have more than one kind  # (m,), (m,) -> (n,) bool"""
+    lowest, highest = np.full(n, np.iinfo(np.int64).max), np.full(n, -1)
+    np.minimum.at(lowest, places, kinds)
+    np.maximum.at(highest, places, kinds)
+    return lowest < highest
+
+
+def _border_of_elements(mesh: Mesh) -> _Border:
+    members = np.zeros((mesh.n_elements, len(mesh.element_sets)), dtype=bool)
+    for k, indices in enumerate(mesh.element_sets.values()):
+        members[np.asarray(indices), k] = True
+    kinds = _kinds(members)
+    ends, of_edges = [], []
+    for block in mesh.blocks:
+        for pair in (pair for alike in OPPOSITE[block.cell] for pair in alike):
+            ends.append(block.connectivity[:, pair])
+            of_edges.append(kinds[block.first:block.first + block.n_elements])
+    return _Border.of(mesh.n_nodes, np.concatenate(ends), np.concatenate(of_edges))
+
+
+def _border_of_faces(mesh: Mesh) -> _Border:
+    """In the plane its edges are the faces."""
+    faces = mesh.boundary_faces()
+    sets = [{tuple(face) for face in np.asarray(members)} for members in mesh.edge_sets.values()]
+    kinds = _kinds(np.array([[tuple(face) in members for members in sets] for face in faces], dtype=bool))
+    ends, of_edges = [], []
+    for face, kind in zip(faces, kinds, strict=True):
+        corners = _corners(mesh, face)
+        ends.append(np.stack([corners, np.roll(corners, -1)], axis=1))
+        of_edges.append(np.full(len(corners), kind))
+    return _Border.of(mesh.n_nodes, np.concatenate(ends), np.concatenate(of_edges))
+
+
+def _kinds(members: np.ndarray) -> np.ndarray:
+    """Number of the combination of sets of each row  # (n, n_sets) bool -> (n,)"""
+    if not members.shape[1]:
+        return np.zeros(len(members), dtype=int)
+    return np.unique(members, axis=0, return_inverse=True)[1].ravel()
 
 
 def _membership(mesh: Mesh) -> np.ndarray:

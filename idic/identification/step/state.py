@@ -32,7 +32,7 @@ class Trial:
     """The point to be evaluated next.
 
     values : of all parameters, internal units
-    parallel : further versions of the same step, numbered after this one (`idic.identification.loop.trial_states`)
+    parallel : further versions of the same step, numbered after this one (`LoopState.trial_states`)
     re_evaluation : a known point, evaluated by another estimator or on the images of another stage
     tries_activation : the step changes inactive parameters too (`idic.identification.step.activation`)
     new_increments : a known point, simulated with other increments than the accepted one
