@@ -18,8 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy import sparse
-from scipy.spatial import cKDTree
 
 from idic.fe import Coarse, PerMesh, interpolation
 from idic.model import Controlled, DriveTable, Experiment, Model, Parametrised
@@ -72,7 +72,7 @@ class Coarsened:
         between = np.setdiff1d(np.arange(fine.n_nodes), self.nodes)
         weights, inside = interpolation(coarse.nodes, coarse.blocks, fine.nodes[between])
         outside, within = between[~inside], weights.tocoo()
-        _, nearest = cKDTree(coarse.nodes).query(fine.nodes[outside])
+        _, nearest = scipy.spatial.cKDTree(coarse.nodes).query(fine.nodes[outside])
         rows = np.concatenate([self.nodes, between[within.row], outside])
         columns = np.concatenate([np.arange(coarse.n_nodes), within.col, nearest])
         values = np.concatenate([np.ones(coarse.n_nodes), within.data, np.ones(len(outside))])

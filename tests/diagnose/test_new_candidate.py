@@ -65,8 +65,8 @@ def test_every_candidate_has_a_twin_in_which_it_is_concealed():
     # test_lens_candidates.py, test_stereo.py; the first and the last are concealed there
     before_a_lens = {"specimen_motion", "focal_length", "placement", "stereo_angle", "camera_time_offset"}
     of_points = {"outline"}  # tests/identify/test_rail_shear.py
-    # test_spots.py, test_layered_strip.py, test_crack_candidate.py: with the right parameters
-    elsewhere = {"dust", "paint_loss", "layers", "crack"}
+    # test_spots.py, test_layered_strip.py, test_crack_candidate.py, test_cyclic_softening.py: with the right parameters
+    elsewhere = {"dust", "paint_loss", "layers", "crack", "cyclic_softening"}
     in_volumes = {"scanner_motion", "scanner_magnification"}  # tests/volumes/test_volume_diagnosis.py
     concealed = ({name.split("_of_")[0] for name in TRUTHS} | set(SIDES) | before_a_lens | of_points | elsewhere
                  | in_volumes)

@@ -69,7 +69,7 @@ def local_chi2(record: RunRecord) -> Picture | None:
     size = 2 * (int(min(window[1] - window[0], window[3] - window[2]) / MIN_CHI2_WINDOWS) // 2) + 1
     size = max(size, 9)
     stacks = [_window_mean(((part / unit) ** 2 for part, unit in zip(stack, units, strict=True)), size)
-              for stack in (data.start, data.identified)]
+              .astype(np.float32) for stack in (data.start, data.identified)]
     caption = (
         f"Residual² / noise², averaged over {size} × {size} px. 1 (white) is noise; red is motion or brightness "
         "(height) that the simulation lacks. "
@@ -173,7 +173,7 @@ def _window_mean(stack: Iterable[np.ndarray], size: int) -> np.ndarray:
         is_finite = np.isfinite(values)
         total, count = (_window_sum(np.where(is_finite, part, 0.0), size) for part in (values, 1.0))
         well_filled = is_finite & (count >= 0.5 * size**2)
-        return np.where(well_filled, total / np.maximum(count, 1.0), np.nan).astype(np.float32)
+        return np.where(well_filled, total / np.maximum(count, 1.0), np.nan)
 
     return np.stack([mean(values) for values in stack])
 
