@@ -1,12 +1,13 @@
 """A test on a coarser mesh: of how much a mesh changes, when a finer one is too large to be simulated.
 
-The error of a mesh falls with a power of the size of its elements, so that the change from a coarser one tells the
-size of what is left (Richardson 1911, doi:10.1098/rsta.1911.0009): with elements r times as large
+The error of a mesh is taken to grow with the power p of the size of its elements. A mesh of elements r times as large
+then errs r^p times as much, and the given mesh errs by
 
-    1 / (r^p - 1)  of that change,      p = 1.2
+    1 / (r^p - 1)
 
-The force on a bar between rigid grips converges so with 8, 16 and 31 cubed hex8 (studies/evidence/volumes/scale.py);
-motion inside the body converges faster, and its error is taken too large rather than too small. Sign and pattern are
+of the change between the two (Richardson 1911, doi:10.1098/rsta.1911.0009). p = 1.2 is that of the force on one bar
+between rigid grips with 8, 16 and 31 cubed hex8 (studies/evidence/volumes/scale.py), and was tried on no other body.
+Motion inside that bar converges faster: its error is taken too large rather than too small. Sign and pattern are
 not trusted: of such a bar on 12 cubed hex8, whose parameters err by that size, the residual held -0.06 +- 0.10 of it.
 
 The coarser mesh is the given one with layers of bricks taken out (`idic.fe.Coarse`). Its motion between its nodes
